@@ -4,7 +4,7 @@
 //! something in another file of the same package. A `mod` line is none: it says where a file is, not what its parent
 //! needs.
 //!
-//! In a test program a node is a module of its root with all files of its folder, which are parts of one text.
+//! The same holds for test programs, where the tests themselves count, too.
 
 use proc_macro2::{TokenStream, TokenTree};
 use std::collections::{BTreeMap, BTreeSet};
@@ -19,15 +19,28 @@ type Module = Vec<String>;
 struct Crate {
     /// The file of each module.
     files: BTreeMap<Module, PathBuf>,
-    /// The source of each file, without its tests.
+    /// The source of each file; without its tests, unless they count.
     items: BTreeMap<PathBuf, Vec<(Module, Vec<Item>)>>,
+    /// Tests count: the crate is a test program.
+    tests_count: bool,
 }
 
 impl Crate {
     fn read(root: &Path) -> Self {
-        let mut this = Self::default();
-        this.file(root, Vec::new(), root.parent().unwrap());
-        this
+        Self::default().with(root)
+    }
+
+    fn read_test_program(root: &Path) -> Self {
+        Self { tests_count: true, ..Self::default() }.with(root)
+    }
+
+    fn with(mut self, root: &Path) -> Self {
+        self.file(root, Vec::new(), root.parent().unwrap());
+        self
+    }
+
+    fn skips(&self, attributes: &[Attribute]) -> bool {
+        !self.tests_count && is_test(attributes)
     }
 
     /// Reads a file, and the files of its modules, which lie in `folder`.
@@ -43,7 +56,7 @@ impl Crate {
         let mut own = Vec::new();
         for item in items {
             match item {
-                Item::Mod(inner) if !is_test(&inner.attrs) => {
+                Item::Mod(inner) if !self.skips(&inner.attrs) => {
                     let name = inner.ident.to_string();
                     let mut child = module.clone();
                     child.push(name.clone());
@@ -59,27 +72,11 @@ impl Crate {
                     }
                 }
                 Item::Mod(_) => {}
-                item if is_test(attributes(&item)) => {}
+                item if self.skips(attributes(&item)) => {}
                 item => own.push(item),
             }
         }
         self.items.entry(path.into()).or_default().push((module, own));
-    }
-
-    /// The same, with each module of the root as one node: its file, and those of its folder.
-    fn edges_of_modules(&self) -> BTreeMap<PathBuf, BTreeSet<PathBuf>> {
-        let node = |file: &PathBuf| {
-            let module = self.files.iter().find(|(_, other)| *other == file).map(|(module, _)| module);
-            let top = module.and_then(|module| self.files.get(module.get(..1)?));
-            top.unwrap_or(file).clone()
-        };
-        let mut edges: BTreeMap<PathBuf, BTreeSet<PathBuf>> = BTreeMap::new();
-        for (from, targets) in self.edges() {
-            let from = node(&from);
-            let targets = targets.iter().map(node).filter(|target| *target != from).collect::<Vec<_>>();
-            edges.entry(from).or_default().extend(targets);
-        }
-        edges
     }
 
     /// Which files import which.
@@ -256,7 +253,7 @@ impl<'ast> Visit<'ast> for Paths<'_> {
     fn visit_attribute(&mut self, _: &'ast Attribute) {}
 
     fn visit_item_fn(&mut self, item: &'ast syn::ItemFn) {
-        if !is_test(&item.attrs) {
+        if !self.crate_.skips(&item.attrs) {
             syn::visit::visit_item_fn(self, item);
         }
     }
@@ -394,7 +391,7 @@ fn no_package_has_a_circle_of_imports() {
     ];
     let packages = roots.map(|file| (String::from(file), Crate::read(&root(file)).edges()));
     let tests = test_programs().into_iter().map(|file| {
-        let edges = Crate::read(&root(&file)).edges_of_modules();
+        let edges = Crate::read_test_program(&root(&file)).edges();
         (file, edges)
     });
     let found: Vec<String> = packages
@@ -462,22 +459,27 @@ fn planted_circle_is_found() {
     }
 }
 
-/// In a test program the files of a folder may use each other, and two modules of the root may not.
+/// A module and the files of its folder may not use each other, nor may tests.
 #[test]
 fn planted_circle_of_a_test_program_is_found() {
     let folder = std::env::temp_dir().join(format!("jetlink-imports-{}-program", std::process::id()));
     std::fs::create_dir_all(folder.join("a")).unwrap();
     let write = |name: &str, text: &str| std::fs::write(folder.join(name), text).unwrap();
+    let found = || circle(&Crate::read_test_program(&folder.join("main.rs")).edges());
     write("main.rs", "mod a;\nmod b;\n");
     write("a.rs", "mod c; use c::C; pub struct A(C);");
-    write("a/c.rs", "use super::A; pub struct C(Option<Box<A>>);");
+    write("a/c.rs", "pub struct C;");
     write("b.rs", "use crate::a::A; pub struct B(A);");
-    let edges = || Crate::read(&folder.join("main.rs")).edges_of_modules();
-    assert_eq!(circle(&edges()), None);
-    write("a/c.rs", "use crate::b::B; pub struct C(Option<Box<B>>);");
-    let found = circle(&edges());
+    let none = found();
+    write("a/c.rs", "use super::A; pub struct C(Option<Box<A>>);");
+    let in_a_folder = found();
+    write("a/c.rs", "pub struct C; #[test] fn b() { crate::b::f() }");
+    let of_a_test = found();
     std::fs::remove_dir_all(&folder).unwrap();
-    assert_eq!(found, Some(vec![folder.join("a.rs"), folder.join("b.rs")]));
+    let [a, b, c] = ["a.rs", "b.rs", "a/c.rs"].map(|name| folder.join(name));
+    assert_eq!(none, None);
+    assert_eq!(in_a_folder, Some(vec![c.clone(), a.clone()]));
+    assert_eq!(of_a_test, Some(vec![c, b, a]));
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! How fast a demand may rise.
 
-use super::{Case, Rule};
+use super::case::{Case, Rule};
 use crate::history::{Cause, Commanded, Demanded, MS, PilotCommand, SECOND, Sent};
 
 /// Resolution of the wire, 0.1 %: AMT has steps of 0.5 %.

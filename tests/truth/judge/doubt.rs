@@ -1,6 +1,6 @@
 //! What goes out while nobody can know whether an engine lives: nothing that could start one, and all that may.
 
-use super::{Case, Rule, seconds};
+use super::case::{Case, Rule, seconds};
 use crate::history::{Demanded, Kind, MS, PilotCommand, SECOND, Sent, Spans, Switch};
 
 /// Time for which damaged frames count as frames.

@@ -1,6 +1,6 @@
 //! Fuel into an engine at rest.
 
-use super::{Case, Rule, seconds};
+use super::case::{Case, Rule, seconds};
 use crate::history::{MS, PilotCommand, SECOND, Sent, Spans};
 use sim::turbine::Phase;
 

@@ -1,6 +1,6 @@
 //! The other way round: an engine that runs, and is sent run, is not shut down, not given up, and not held low.
 
-use super::{Case, Rule, seconds};
+use super::case::{Case, Rule, seconds};
 use crate::history::{Cause, Demanded, MS, Mark, PilotCommand, Reset, SECOND, Sample, Spans, Switch};
 use sim::turbine::Phase;
 

@@ -1,6 +1,7 @@
 //! What lowers a demand has to lower it: limits, another engine that has failed, a source that has yet to take over.
 
-use super::{Case, CommandLog, Rule, seconds, two_states};
+use super::case::{Case, Rule, seconds, two_states};
+use super::control::{CommandLog, silences};
 use crate::history::{Commanded, Demanded, MS, PilotCommand, SECOND, Sample, Spans, Switch};
 
 /// Beyond a limit by so much, for this long, an ECU has reported it twice: °C, rpm.
@@ -244,7 +245,7 @@ pub fn failed_for_sure(other: &crate::history::History) -> Spans {
         let ran = ran && sent.is_some_and(|(at, sent)| sent == Switch::Run && out < at + SECOND);
         let from = out + 8 * SECOND;
         // Nor do they shut it down before a failure has shown.
-        let mut silences = super::control::silences(other, SECOND).into_iter();
+        let mut silences = silences(other, SECOND).into_iter();
         let ran = ran && !silences.any(|(silent, until)| silent < from && until > out);
         let hidden = other.mute.union(&other.noise).union(&other.unpowered);
         if ran && from < ends.min(again) && !hidden.touches(out.saturating_sub(SECOND), from) {

@@ -1,7 +1,7 @@
 //! What pilots command of the switch comes to pass: an engine that is shut down goes out, and a start that is commanded as
 //! documented begins.
 
-use super::{Case, Rule, seconds};
+use super::case::{Case, Rule, seconds};
 use crate::history::{MS, PilotCommand, SECOND, Spans, Switch};
 use sim::turbine::Phase;
 

@@ -1,7 +1,7 @@
 //! With all sources silent, an engine is at its fail-safe or stopped by a stated instant.
 
+use super::case::{Case, Rule, seconds};
 use super::control::{silences, to_fail_safe};
-use super::{Case, Rule, seconds};
 use crate::history::{Cause, Demanded, Kind, MS, SECOND, Sent, Switch};
 use sim::turbine::Phase;
 

@@ -1,6 +1,6 @@
 //! MAVLink: what is commanded is what somebody said who may, at the same instant, and what was said is obeyed.
 
-use super::{Case, Rule, seconds};
+use super::case::{Case, Rule, seconds};
 use crate::history::{
     Answered, Cause, Demanded, MS, PilotCommand, SECOND, Said, Spans, Spoken, Switch, Word,
 };

@@ -1,6 +1,6 @@
 //! Who may start an engine, and for how long an engine at rest may be sent run.
 
-use super::{Case, Rule, seconds};
+use super::case::{Case, Rule, seconds};
 use crate::history::{Cause, Demanded, Frame, Kind, MS, Mark, PilotCommand, SECOND, Sample, Switch};
 use sim::turbine::Phase;
 

@@ -1,6 +1,6 @@
 //! Radio control: what it commands is what stick and switch say, and a stop of the switch is a stop.
 
-use super::{Case, Rule, seconds};
+use super::case::{Case, Rule, seconds};
 use crate::history::{Demanded, MS, PilotCommand, Position, SECOND, Spans, Sticks};
 
 const RC: usize = 1;

@@ -1,6 +1,6 @@
 //! Emergency stops, what the ECU's version knows, and frames that no document knows.
 
-use super::{Case, Rule, seconds};
+use super::case::{Case, Rule, seconds};
 use crate::history::{Cause, Frame, Kind, MS, PilotCommand, SECOND, Sent, Spans, Switch};
 
 /// ZK's ClosePump.

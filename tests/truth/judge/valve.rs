@@ -1,6 +1,6 @@
 //! The fuel valve: every latched stop closes it, no fuel comes through it then, and it never cuts a healthy engine.
 
-use super::{Case, Rule, seconds};
+use super::case::{Case, Rule, seconds};
 use crate::history::{Cause, MS, Mark, PilotCommand, Pin, SECOND, Switch};
 
 /// From what closes it until it is closed: the node looks at its engine at each event of the world, 50 ms apart or less.

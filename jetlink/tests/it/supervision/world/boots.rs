@@ -1,6 +1,20 @@
 //! The node from one reset to the next, and what each reset leaves in memory.
 
-use super::*;
+use super::super::oracle::{Input, Retained};
+use super::rig::{MS, Rig, Rng, SECOND, command_as, now, throttle};
+use embassy_time::{Duration, Instant, Timer};
+use embedded_io_async::{Read, ReadReady};
+use jetlink::channel::Handle;
+use jetlink::command::{Command, Origin};
+use jetlink::config::EngineConfig;
+use jetlink::engine::retained::{Reset, RetainedMemory};
+use jetlink::node::Node;
+use jetlink::runner::LineErrors;
+use sim::clock;
+use std::future::{Future, poll_fn};
+use std::pin::{Pin, pin};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::task::Poll;
 
 /// Words of one copy of a record.
 const WORDS: usize = 8;
@@ -11,6 +25,13 @@ fn words(memory: &RetainedMemory) -> &[AtomicU32; 2 * WORDS] {
     // SAFETY: a `RetainedMemory` is two copies of eight atomic words and nothing else, as the assertion on its size checks, and
     // atomic words may be shared and take any value.
     unsafe { &*std::ptr::from_ref(memory).cast() }
+}
+
+/// Why a boot ended.
+pub(super) enum End {
+    Time,
+    /// Reset, with this of each engine's memory.
+    Reset(Retained),
 }
 
 /// The ECUs, while there is no node.

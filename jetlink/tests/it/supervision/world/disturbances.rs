@@ -1,6 +1,10 @@
 //! What happens to the line and to the ECU.
 
-use super::*;
+use super::super::oracle::Input;
+use super::rig::{Rig, Rng, SECOND, Trace, now, sim_line};
+use sim::any::AnyEcu;
+use sim::wire::{Babble, Faults};
+use sim::zk::state;
 
 impl Rig {
     /// All that happens to the line and to the ECU.

@@ -1,6 +1,22 @@
 //! How the engines of a world are configured, and which ECUs they have.
 
-use super::*;
+use super::super::oracle::{Oracle, Truth};
+use super::super::wire::Reader;
+use super::rig::{MS, Program, Rig, Rng, SECOND, Source, sim_line};
+use embassy_time::Duration;
+use jetlink::command::Origin;
+use jetlink::config::EngineConfig;
+use jetlink::ecu::EcuConfig;
+use jetlink::ecu::amt::codec::EngineModel;
+use jetlink::ecu::zk::codec::Rate;
+use jetlink::engine::config::{Governor, Slew, Supervision};
+use jetlink::limit::Action;
+use jetlink::line::Line;
+use jetlink::units::{Celsius, Throttle};
+use sim::any::AnyConfig;
+use sim::wire::{Settings, connect_with};
+use std::collections::VecDeque;
+use std::rc::Rc;
 
 pub(super) fn supervision(rng: &mut Rng) -> Supervision {
     let mut all = Supervision::DEFAULT;

@@ -1,6 +1,9 @@
 //! What the sources command.
 
-use super::*;
+use super::rig::{MS, Program, Rig, Rng, SECOND, now, throttle};
+use jetlink::channel::Handle;
+use jetlink::command::{Command, Demand, Origin, Rejected};
+use jetlink::units::Rpm;
 
 impl Rig {
     /// A demand, at times one that makes no sense.

@@ -1,0 +1,339 @@
+//! One engine of a world: its configuration, its ECU and its line, its sources and its judge.
+
+use super::super::oracle::{DARK, Input, Oracle, Truth};
+use super::super::wire::Reader;
+use core::fmt;
+use jetlink::channel::Handle;
+use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
+use jetlink::config::EngineConfig;
+use jetlink::event::Event;
+use jetlink::line::{Line, StopBits};
+use jetlink::units::Throttle;
+use sim::amt::Ops;
+use sim::any::AnyEcu;
+use sim::clock;
+use sim::turbine::Phase;
+use sim::wire::{Direction, Fate, Plug, WireRx, WireTx};
+use sim::zk::{Sw, ZkCommand, state};
+use std::cell::RefCell;
+use std::collections::VecDeque;
+use std::rc::Rc;
+
+pub(super) const MS: u64 = 1_000;
+pub(super) const SECOND: u64 = 1_000_000;
+/// Every frame has ended this long after its first bit.
+pub(super) const LONGEST_FRAME: u64 = 30 * MS;
+
+/// SplitMix64.
+#[derive(Debug)]
+pub(super) struct Rng(pub u64);
+
+impl Rng {
+    pub(super) fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ z >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ z >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ z >> 31
+    }
+
+    /// `0..n`
+    pub(super) fn below(&mut self, n: u64) -> u64 {
+        self.next() % n.max(1)
+    }
+
+    pub(super) fn between(&mut self, low: u64, high: u64) -> u64 {
+        low + self.below(high - low)
+    }
+
+    pub(super) fn percent(&mut self, percent: u64) -> bool {
+        self.below(100) < percent
+    }
+
+    pub(super) fn pick<T: Copy>(&mut self, from: &[T]) -> T {
+        from[self.below(from.len() as u64) as usize]
+    }
+
+    /// Around this mean, never 0.
+    pub(super) fn wait(&mut self, mean: u64) -> u64 {
+        self.between(mean / 10, mean * 2)
+    }
+}
+
+/// What it really does and reports.
+pub(super) fn truth(ecu: &AnyEcu, odd: bool) -> Truth {
+    let turbine = ecu.turbine();
+    let live = turbine.phase().is_live();
+    let truth = Truth {
+        live,
+        running: turbine.phase() == Phase::Running,
+        egt: turbine.egt(),
+        odd,
+        ..Truth::default()
+    };
+    match ecu {
+        AnyEcu::Amt(ecu) => {
+            let last = ecu.commands.last().map(|(_, command)| *command);
+            Truth {
+                says_running: truth.running,
+                // Its document has no state for cooling: a stopped shaft is all there is.
+                standby: !live && turbine.rpm() < 1000.0,
+                faulty: ecu.errors() != 0,
+                // Bit 3: it calls its sensor faulty. 300 °C is the default, and one step of EGT is 4.6 °C.
+                says_cold: ecu.errors() & 1 << 3 == 0 && turbine.egt() <= 310.0,
+                obeyed: last.map_or(0, |command| u16::from(command.throttle_half_percent) * 5),
+                obeys_run: last.is_some_and(|command| command.ops == Ops::Run),
+                own_stops: ecu.stats.serial_delay_stops,
+                ..truth
+            }
+        }
+        AnyEcu::Zk(ecu) => {
+            let commands = || ecu.commands.iter().rev().map(|(_, command)| *command);
+            let throttle = commands().find_map(|command| match command {
+                ZkCommand::Control { throttle, .. } => Some(throttle),
+                _ => None,
+            });
+            let reported = (ecu.throttle_percent() * 10.0).clamp(0.0, 1000.0) as u16;
+            let run = commands().find_map(|command| match command {
+                ZkCommand::Control { sw, .. } | ZkCommand::Switch { sw, .. } => Some(sw == Sw::Run),
+                _ => None,
+            });
+            Truth {
+                // From 6 to 11 it learns or runs.
+                says_running: (6..=state::RUNNING).contains(&ecu.state()),
+                standby: ecu.state() == state::STANDBY,
+                faulty: ecu.error() != 0,
+                // It reports whole percents.
+                obeyed: throttle.unwrap_or(0).max(reported) + 10,
+                obeys_run: run == Some(true),
+                own_stops: ecu.stats.control_losses,
+                ..truth
+            }
+        }
+    }
+}
+
+/// What a source is doing for a while.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) enum Program {
+    Silent,
+    Standby,
+    Run(Demand),
+    /// Commands and falls silent, over and over, for these times.
+    Flap(Demand, u64, u64),
+    /// Present, without a command.
+    Present,
+    /// From anywhere to a running engine, the way it is documented.
+    Fly(Demand),
+    /// Anything.
+    Nonsense,
+}
+
+#[derive(Debug)]
+pub(super) struct Source {
+    pub(super) origin: Origin,
+    pub(super) program: Program,
+    pub(super) period: u64,
+    pub(super) next: u64,
+    pub(super) changes: u64,
+    pub(super) on_since: u64,
+    pub(super) ready_since: Option<u64>,
+}
+
+/// One engine, its ECU, its sources, its judge.
+pub(super) struct Rig {
+    pub(super) config: EngineConfig,
+    pub(super) version: u8,
+    pub(super) max_rpm: u32,
+    pub(super) plug: Plug<AnyEcu>,
+    pub(super) halves: (WireRx, WireTx),
+    pub(super) reader: Reader,
+    pub(super) oracle: Oracle,
+    pub(super) sources: [Source; 4],
+    pub(super) inputs: VecDeque<(u64, Input)>,
+    pub(super) frames: VecDeque<(u64, super::super::wire::Frame)>,
+    pub(super) published: Rc<RefCell<Vec<(u64, Event)>>>,
+    /// A disturbance of the line, and of the ECU, until then.
+    pub(super) line_until: Option<u64>,
+    pub(super) hung_from: Option<u64>,
+    pub(super) next_line: u64,
+    pub(super) ecu_until: Option<u64>,
+    pub(super) next_ecu: u64,
+    pub(super) next_stop: u64,
+    pub(super) next_arm: u64,
+    /// Every source is silent then, and until then.
+    pub(super) next_silence: u64,
+    pub(super) silent_until: u64,
+    pub(super) odd_until: u64,
+    pub(super) truth: Truth,
+    pub(super) trace: VecDeque<(u64, Trace)>,
+    /// When a byte of the ECU came last.
+    pub(super) byte_at: u64,
+    /// That it is silent was noted.
+    pub(super) not_received: bool,
+}
+
+/// An entry of the log that a failure prints.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Trace {
+    Input(Input),
+    Frame(super::super::wire::Frame),
+    Reported(Event),
+    Line(&'static str),
+    Ecu(&'static str),
+}
+
+impl fmt::Display for Trace {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Input(input) => input.fmt(f),
+            Self::Frame(frame) => write!(f, "wire: {frame}"),
+            Self::Reported(event) => write!(f, "event: {event}"),
+            Self::Line(what) => write!(f, "line: {what}"),
+            Self::Ecu(what) => write!(f, "ECU: {what}"),
+        }
+    }
+}
+
+/// How long this thread's clock has run.
+pub(super) fn now() -> u64 {
+    clock::now_ns() / 1000
+}
+
+pub(super) fn throttle(tenths: u64) -> Demand {
+    Demand::Throttle(Throttle::from_tenths(tenths as u16).expect("0..=1000"))
+}
+
+pub(super) fn sim_line(line: Line) -> sim::line::Line {
+    match line.stop_bits {
+        StopBits::One => sim::line::Line::n1(line.baud),
+        StopBits::Two => sim::line::Line::n2(line.baud),
+    }
+}
+
+impl Rig {
+    pub(super) fn note(&mut self, what: Trace) {
+        self.note_at(now(), what);
+    }
+
+    pub(super) fn note_at(&mut self, at: u64, what: Trace) {
+        if self.trace.len() == 160 {
+            self.trace.pop_front();
+        }
+        self.trace.push_back((at, what));
+    }
+
+    pub(super) fn input(&mut self, input: Input) {
+        if !matches!(input, Input::Truth(_)) {
+            self.note(Trace::Input(input));
+        }
+        self.inputs.push_back((now(), input));
+    }
+
+    /// In the order of time.
+    pub(super) fn insert(&mut self, at: u64, input: Input) {
+        let place = self.inputs.partition_point(|(before, _)| *before <= at);
+        self.inputs.insert(place, (at, input));
+    }
+
+    pub(super) fn command(
+        &mut self,
+        handle: &Handle<'_>,
+        origin: Origin,
+        command: Command,
+    ) -> Result<Accepted, Rejected> {
+        let mut command = command;
+        if let Command::Run(Demand::Rpm(_)) = command {
+            // Whether the ECU can do it is not reported then, and decides whether the source counts as received.
+            let telemetry = handle.telemetry();
+            if telemetry.stop_latched || telemetry.ordered.order == Order::Listen {
+                command = Command::Run(throttle(0));
+            }
+        }
+        let may_start = matches!(command, Command::Run(_)) && !self.truth.running;
+        if may_start || command == Command::ReleaseStop && self.truth.live {
+            // What the ECU is like at this instant decides.
+            self.look_at_ecu();
+        }
+        let answer = command_as(handle, command, origin);
+        self.input(Input::Commanded(origin, command, answer));
+        answer
+    }
+
+    /// What the wire and the engine have reported since the last look goes to the judge, in the order of time.
+    /// When a start went out, if one did.
+    pub(super) fn judge(&mut self, all: bool) -> Result<Option<u64>, String> {
+        let frames = &mut self.frames;
+        let seen = frames.len();
+        let log = self.plug.take_log();
+        self.reader.read(&log, |at, frame| frames.push_back((at, frame)));
+        let lost_after = self.config.timing.lost_after.as_micros();
+        for byte in
+            log.iter().filter(|byte| byte.direction == Direction::ToNode && byte.fate == Fate::Delivered)
+        {
+            let at = byte.end / 1000;
+            let before = core::mem::replace(&mut self.byte_at, at);
+            if at > before + lost_after {
+                self.insert(at, Input::LinkBack);
+            }
+            if at > before + DARK {
+                if !core::mem::take(&mut self.not_received) {
+                    self.insert(before + DARK, Input::NotReceived);
+                }
+                self.insert(at, Input::Received);
+            }
+        }
+        if !self.not_received && now() > self.byte_at + DARK + LONGEST_FRAME {
+            self.not_received = true;
+            self.insert(self.byte_at + DARK, Input::NotReceived);
+        }
+        for index in seen..self.frames.len() {
+            let (at, frame) = self.frames[index];
+            self.note_at(at, Trace::Frame(frame));
+        }
+        let published = self.published.take();
+        for (at, event) in published {
+            self.note_at(at, Trace::Reported(event));
+        }
+        let until = if all { u64::MAX } else { now().saturating_sub(LONGEST_FRAME) };
+        let mut started = None;
+        loop {
+            let input = self.inputs.front().map_or(u64::MAX, |(at, _)| *at);
+            let frame = self.frames.front().map_or(u64::MAX, |(at, _)| *at);
+            if input.min(frame) > until || input.min(frame) == u64::MAX {
+                return Ok(started);
+            }
+            if input <= frame {
+                if let Some((at, input)) = self.inputs.pop_front() {
+                    self.oracle.input(at, input).map_err(|why| format!("at {at} µs: {why}"))?;
+                }
+            } else if let Some((at, frame)) = self.frames.pop_front()
+                && self.oracle.frame(at, frame).map_err(|why| format!("at {at} µs: {why}"))?
+            {
+                started = Some(at);
+            }
+        }
+    }
+
+    pub(super) fn look_at_ecu(&mut self) {
+        let odd = now() < self.odd_until;
+        self.truth = self.plug.ecu(|ecu| truth(ecu, odd));
+        let truth = self.truth;
+        self.input(Input::Truth(truth));
+        if odd {
+            self.input(Input::Fault);
+        }
+    }
+}
+
+pub(super) fn command_as(
+    handle: &Handle<'_>,
+    command: Command,
+    origin: Origin,
+) -> Result<Accepted, Rejected> {
+    let source = match origin {
+        Origin::Emergency => handle.emergency_source(),
+        origin => handle.source(origin),
+    };
+    source.expect("nobody else holds it").command(command)
+}

@@ -1,0 +1,241 @@
+//! What the rules share: their names, what they found, and what each derives from a history.
+
+use super::control::CommandLog;
+use crate::history::{History, Kind, MS, Mark, SECOND, Spans};
+use std::collections::BTreeMap;
+
+/// What must hold.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+pub enum Rule {
+    /// Every ignition follows one source's own standby and run while armed, with the interlocks true; once.
+    Ignition,
+    /// An engine at rest is sent run for a bounded time, and after a restart of its ECU or a lost line on a new start only.
+    RunAtRest,
+    /// Nothing that could start an engine is sent while nobody can know whether it lives.
+    Doubt,
+    /// A start that is commanded as documented begins.
+    Granted,
+    /// With all sources silent the demand on the wire is at the fail-safe by a stated instant.
+    SilentWire,
+    /// With all sources silent the turbine is at the fail-safe, or stopped, by a stated instant.
+    SilentTurbine,
+    /// A stop is on the wire at once, and in every frame until its release.
+    Stop,
+    /// An engine that is sent standby or stop goes out.
+    Obeyed,
+    /// No fuel flows into an engine at rest that is hot.
+    HotFuel,
+    /// A pump that was opened is closed in time.
+    Pump,
+    /// Services that move fuel or heat go to a cold, armed engine in standby, when a pilot commands it.
+    Service,
+    /// The demand rises at a limited rate.
+    Rate,
+    /// An engine that has reached running is not sent standby or stop without a reason.
+    ShutDown,
+    /// An engine that is sent run is not put out by its ECU for want of commands.
+    GivenUp,
+    /// A demand is not held below what is commanded.
+    HeldDown,
+    /// Nor above it, whatever limits it.
+    HeldUp,
+    /// A limit that is passed has its action.
+    Limit,
+    /// A demand is reduced while another engine has failed, where that is configured.
+    Reduction,
+    /// A source that takes over is held off until it is close, or has waited.
+    TakeOver,
+    /// The PWM input is given the engine only when a pilot commands it, and for one life of it.
+    Pwm,
+    /// Nothing is sent that the ECU's version does not know; stops are.
+    Version,
+    /// Every frame is one that the document knows.
+    Frame,
+    /// A latched stop closes the fuel valve at once, and until its release.
+    Valve,
+    /// No fuel comes through a valve that is shut: nothing burns behind it, and no start is ordered.
+    ShutValve,
+    /// The valve cuts no engine that is ordered to run.
+    CutOff,
+    /// Radio control commands what stick and switch say, and stop at the switch stops.
+    Sticks,
+    /// MAVLink commands what somebody said who may, and what was said is obeyed.
+    Spoken,
+}
+
+impl Rule {
+    pub const ALL: [Self; 27] = [
+        Self::Ignition,
+        Self::RunAtRest,
+        Self::Doubt,
+        Self::Granted,
+        Self::SilentWire,
+        Self::SilentTurbine,
+        Self::Stop,
+        Self::Obeyed,
+        Self::HotFuel,
+        Self::Pump,
+        Self::Service,
+        Self::Rate,
+        Self::ShutDown,
+        Self::GivenUp,
+        Self::HeldDown,
+        Self::HeldUp,
+        Self::Limit,
+        Self::Reduction,
+        Self::TakeOver,
+        Self::Pwm,
+        Self::Version,
+        Self::Frame,
+        Self::Valve,
+        Self::ShutValve,
+        Self::CutOff,
+        Self::Sticks,
+        Self::Spoken,
+    ];
+}
+
+/// A rule that was broken.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Finding {
+    pub rule: Rule,
+    pub at: u64,
+    pub text: String,
+}
+
+/// What the judge found in one history.
+#[derive(Clone, Default, PartialEq, Eq, Debug)]
+pub struct Verdict {
+    pub findings: Vec<Finding>,
+    /// How long the rules for a healthy engine applied, µs.
+    pub applied: u64,
+    /// How much of that was exempt, by name, µs.
+    pub exempt: BTreeMap<&'static str, u64>,
+    /// How often each thing happened that the rules are about.
+    pub seen: BTreeMap<&'static str, u64>,
+}
+
+impl Verdict {
+    pub fn finding(&mut self, rule: Rule, at: u64, text: impl Into<String>) {
+        self.findings.push(Finding { rule, at, text: text.into() });
+    }
+
+    pub fn count(&mut self, what: &'static str, by: u64) {
+        *self.seen.entry(what).or_default() += by;
+    }
+
+    pub fn exempt(&mut self, name: &'static str, time: u64) {
+        *self.exempt.entry(name).or_default() += time;
+    }
+
+    /// The rules that were broken, each once.
+    pub fn rules(&self) -> Vec<Rule> {
+        Rule::ALL.into_iter().filter(|rule| self.findings.iter().any(|found| found.rule == *rule)).collect()
+    }
+}
+
+/// A history, and what every rule derives from it.
+pub struct Case<'a> {
+    pub h: &'a History,
+    pub command_log: CommandLog,
+    /// The turbine is between the ignition and its end.
+    pub live: Spans,
+    /// The turbine runs, and burns.
+    pub runs: Spans,
+    /// The ECU reports a fault.
+    pub faults: Spans,
+    pub down: Spans,
+    /// The ECU sends nothing that could be received: no power, booting, or no wire.
+    pub blind: Spans,
+    /// No state of the engine reaches the node.
+    pub hidden: Spans,
+    /// Times in which the release of a stop is out of the question.
+    pub stopped: Spans,
+    pub verdict: Verdict,
+}
+
+impl<'a> Case<'a> {
+    pub fn new(h: &'a History) -> Self {
+        // Up to version 4 a ZK ECU that receives nothing sends nothing.
+        let dumb: Vec<(u64, u64)> =
+            h.deaf.iter().filter(|(from, _)| (1..5).contains(&h.version(*from))).collect();
+        let boots = Spans::from(&[(0, h.rules.boot)]).union(&Spans::from(&dumb));
+        let blind = h.unpowered.longer(h.rules.boot).union(&h.mute).union(&boots);
+        let (down, faults) = (h.down(), h.times(|sample| sample.fault));
+        // With error sets an AMT ECU gives no state.
+        let dumb = if matches!(h.rules.kind, Kind::Amt) { faults.clone() } else { Spans::default() };
+        // A node that begins anew needs two reports; in a loop of resets it may never get them.
+        let learns = down.longer(two_states(h));
+        let silent = blind.union(&h.noise).union(&learns).union(&dumb);
+        Self {
+            command_log: CommandLog::new(h),
+            live: live(h),
+            runs: h.times(|sample| sample.runs()),
+            hidden: silent.union(&h.times(|sample| sample.hidden)),
+            faults,
+            down,
+            blind,
+            stopped: Spans::default(),
+            verdict: Verdict::default(),
+            h,
+        }
+    }
+
+    pub const fn is_amt(&self) -> bool {
+        matches!(self.h.rules.kind, Kind::Amt)
+    }
+
+    /// A silence of the ECU that a node must see: three expected frames, the slot after them, and what is under way.
+    pub const fn gap(&self) -> u64 {
+        4 * self.h.rules.period + self.h.rules.period / 2 + 20 * MS
+    }
+
+    pub fn two_states(&self) -> u64 {
+        two_states(self.h)
+    }
+
+    /// The longest time until the next report of the engine's state.
+    pub fn one_state(&self) -> u64 {
+        let rules = &self.h.rules;
+        // AMT has a set without a state now and then. What is sent then was decided a slot before it began.
+        let reports = 1 + rules.stale;
+        if self.is_amt() {
+            (reports + 1) * rules.period + 150 * MS
+        } else {
+            reports * self.h.rounds().1 * rules.period + 2 * rules.period + 150 * MS
+        }
+    }
+
+    /// Each instant at which the node had to begin anew with the engine: its ECU was powered up, or the line came back after
+    /// a gap.
+    pub fn starts_of_life(&self) -> Vec<u64> {
+        // AMT reports it at each power-up; of ZK an outage that is shorter than a gap cannot be seen.
+        let powered = self.h.unpowered.iter().filter(|_| self.is_amt()).map(|(_, to)| to);
+        let mut all: Vec<u64> = powered.collect();
+        all.extend(self.blind.at_least(self.gap()).iter().map(|(_, to)| to));
+        all.sort_unstable();
+        all
+    }
+}
+
+/// The longest time in which a report of the engine's state comes round twice.
+pub fn two_states(h: &History) -> u64 {
+    let rules = &h.rules;
+    let reports = 2 + rules.stale;
+    match rules.kind {
+        Kind::Amt => (reports + 2) * rules.period + 300 * MS,
+        Kind::Zk(_) => reports * h.rounds().1 * rules.period + 400 * MS,
+    }
+}
+
+/// When the turbine was between an ignition and its end. One that ended before the next sample counts, too.
+fn live(h: &History) -> Spans {
+    let begins = h.marks.iter().filter(|(_, mark)| matches!(mark, Mark::Ignition | Mark::Relight));
+    let begins: Vec<(u64, u64)> = begins.map(|(at, _)| (*at, at + 60 * MS)).collect();
+    h.times(|sample| sample.phase.is_live()).union(&Spans::from(&begins))
+}
+
+/// Seconds, for a reader.
+pub fn seconds(at: u64) -> String {
+    format!("{}.{:03} s", at / SECOND, at % SECOND / MS)
+}
