@@ -358,8 +358,10 @@ impl Audit {
         (self.received.gap, self.received.whole) = (Some(at), None);
         self.last_slot = None;
         self.switched_at = None;
-        let before = self.on_wire.take();
-        self.allow(at, Allowed::Again(before.unwrap_or(WireCommand::Standby)));
+        let before = self.on_wire.take().unwrap_or(WireCommand::Standby);
+        // An emergency stop of the same instant is retained, though it was not sent yet.
+        let stop = matches!(self.orders.back(), Some((_, Allowed::Order(Order::EmergencyStop))));
+        self.allow(at, Allowed::Again(if stop { WireCommand::Stop } else { before }));
         self.may_rise(at + RISE_WITHIN);
     }
 

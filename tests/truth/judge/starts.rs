@@ -478,8 +478,10 @@ impl Case<'_> {
     /// because a lower demand was commanded.
     fn put_out_by_exhaust(&self, out: u64, at: u64) -> u64 {
         let h = self.h;
-        let samples = h.samples(out, at);
-        // While the thermocouple is broken nobody sees it.
+        // A thermocouple that broke since is believed again once it has been hot.
+        let broke = h.sensor.iter().map(|(from, _)| from).filter(|from| (out..at).contains(from)).min();
+        let whole = broke.unwrap_or(at);
+        let samples = h.samples(out, whole);
         let seen = |sample: &&Sample| sample.egt < 290.0 && !h.sensor.contains(sample.at);
         let cold = samples.iter().find(seen).map_or(at, |cold| cold.at + LOWERED);
         if let Some(lowered) = self.last_lowered(out.saturating_sub(LOWERED), at) {
@@ -491,7 +493,7 @@ impl Case<'_> {
         let dark =
             self.blind.iter().filter(|(from, to)| to - from > self.gap() && *to <= at).map(|(_, to)| to);
         let up = dark.max().unwrap_or_default().max(up);
-        self.fallen(out.max(up), at).map_or(cold, |fallen| fallen.min(cold))
+        self.fallen(out.max(up), whole.max(out.max(up))).map_or(cold, |fallen| fallen.min(cold))
     }
 
     /// When the exhaust has fallen fast enough, and for long enough, to show it.

@@ -9,10 +9,11 @@ const LATE: u64 = 60 * MS;
 const BURNS_ON: u64 = 200 * MS;
 /// A standby that is not obeyed closes the valve 5 s later, and not before; until it is in force and on the wire, run is.
 const NOT_OBEYED: u64 = 4500 * MS;
-/// A start that the firmware itself ends before has failed. From this time of them in a row on the valve is closed; the bounds of what
-/// the node counts, which adds some ms for each.
+/// A start that the firmware itself ends before has failed. From 10 s of them in a row on the valve is closed; each may count for up to
+/// this much more than it lived.
 const LIVED: u64 = SECOND;
-const MAY_CLOSE: u64 = 9 * SECOND;
+const COUNTS_MORE: u64 = 10 * MS;
+const MAY_CLOSE: u64 = 9900 * MS;
 const HAS_TO_CLOSE: u64 = 10 * SECOND;
 /// A command of standby that can be the reason of a valve that closes: the stages of loss, an unknown state and a take-over lie between.
 const REASON: u64 = 60 * SECOND;
@@ -97,7 +98,7 @@ impl Case<'_> {
             // A node in standby goes on with it over a reset; what a loss or a limit ended is on the wire.
             let and_next = h.frames_within(at.saturating_sub(NOT_OBEYED), at + LATE + 2 * h.rules.period);
             let ended = and_next.iter().any(|frame| frame.sent.switch() == Some(Switch::Standby));
-            if begins.is_some_and(|reset| self.failed_before(reset.up) >= MAY_CLOSE) {
+            if begins.is_some_and(|reset| self.failed_before(reset.up, COUNTS_MORE) >= MAY_CLOSE) {
                 self.verdict.exempt("the firmware failed in start after start", at - known);
                 continue;
             }
@@ -117,15 +118,15 @@ impl Case<'_> {
         }
     }
 
-    /// Time of starts that failed, in a row, when the node begins at this time.
-    fn failed_before(&self, begins: u64) -> u64 {
+    /// Time of starts that failed, in a row, when the node begins at this time; each counts for this much besides.
+    fn failed_before(&self, begins: u64, besides: u64) -> u64 {
         let (mut since, mut failed) = (0, 0);
         for reset in self.h.resets.iter().filter(|reset| reset.up <= begins) {
             let life = reset.down.saturating_sub(since);
             failed = match reset.cause {
                 Cause::PowerOn => 0,
                 _ if life >= LIVED => 0,
-                Cause::Watchdog => failed + life,
+                Cause::Watchdog => failed + life + besides,
                 Cause::BrownOut => failed,
             };
             since = reset.up;
@@ -137,7 +138,7 @@ impl Case<'_> {
     fn failed_starts_close_it(&mut self) {
         let open = self.h.pin_is(Pin::Open);
         for reset in self.h.resets.clone() {
-            if self.failed_before(reset.up) > HAS_TO_CLOSE && open.touches(reset.up, reset.up + LATE) {
+            if self.failed_before(reset.up, 0) > HAS_TO_CLOSE && open.touches(reset.up, reset.up + LATE) {
                 let text = format!(
                     "the node begins at {} after 10 s of failed starts, and opens the valve",
                     seconds(reset.up)

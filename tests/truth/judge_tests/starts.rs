@@ -396,6 +396,8 @@ fn an_exhaust_that_falls_ends_the_run_of_an_engine_with_error_sets() {
     story(60.0, true).passes();
     story(69.0, true).breaks(&[Rule::RunAtRest]);
     story(69.0, true).with(|h| h.sensor = Spans::from(&[(50 * SECOND, 70 * SECOND)])).passes();
+    // Once it was broken, a cold value proves nothing before it has been hot.
+    story(69.0, true).with(|h| h.sensor = Spans::from(&[(50 * SECOND, 52 * SECOND)])).passes();
 }
 
 #[test]

@@ -137,15 +137,19 @@ fn the_valve_cuts_no_engine_that_is_ordered_to_run() {
     };
     assert_eq!([ctf(34.5), ctf(39.0)], [false, true]);
     // 10 s of starts that the firmware itself ends close it, and nothing less.
-    let fails = |from: u64, cause, pins: &[(f64, Pin)]| {
+    let fails_each = |every: usize, from: u64, cause, pins: &[(f64, Pin)]| {
         let resets = move |h: &mut History| {
-            let downs = (from..=54_990).rev().step_by(200).collect::<Vec<_>>();
+            let downs = (from..=54_990).rev().step_by(every).collect::<Vec<_>>();
             let reset = |down: u64| Reset { down: down * 1000, up: down * 1000 + 10_000, cause };
             h.resets.extend(downs.into_iter().rev().map(reset));
         };
         found(pin(flight(ZK5, 60.0), pins).with(resets))
     };
+    let fails = |from, cause, pins: &[(f64, Pin)]| fails_each(200, from, cause, pins);
     let shut = [(52.6, Pin::Closed)];
+    // Each counts for a little more than it lived: of 35 ms, 8.75 s may be enough.
+    assert_eq!(fails_each(45, 41_500, Cause::Watchdog, &shut), []);
+    assert_eq!(fails_each(45, 44_000, Cause::Watchdog, &shut), [Rule::CutOff]);
     assert_eq!(fails(42_000, Cause::Watchdog, &shut), []);
     assert_eq!(fails(42_000, Cause::Watchdog, &[]), [Rule::Valve]);
     assert_eq!(fails(44_000, Cause::Watchdog, &shut), [Rule::CutOff]);
