@@ -65,12 +65,20 @@ impl Hint {
     }
 }
 
+/// A share in %: 0 and 100 are exact, others have a tenth.
+fn percent(part: u64, of: u64) -> String {
+    match part {
+        0 => "0".to_owned(),
+        _ if part == of => "100".to_owned(),
+        _ => format!("{:.1}", (part as f64 * 100.0 / of as f64).clamp(0.1, 99.9)),
+    }
+}
+
 impl fmt::Display for Hint {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let percent = |part: u64, of: u64| part as f64 * 100.0 / of as f64;
         write!(
             f,
-            "hint: {:.0} % of the bytes are in no {} frame; --protocol {} would find {} frames and leave {:.0} %",
+            "hint: {} % of the bytes are in no {} frame; --protocol {} would find {} frames and leave {} %",
             percent(self.outside, self.bytes),
             self.tried,
             self.other,

@@ -427,6 +427,13 @@ fn the_wrong_protocol_is_hinted_at() {
             "hint: 100 % of the bytes are in no zk frame; --protocol amt would find 20 frames and leave 0 %"
         )
     );
+    // A share that is not all of it is not called so.
+    let almost = [&zk[..], &AMT_NORMAL[..]].concat().repeat(20);
+    let outcome = decode(&["--protocol", "amt"], &almost);
+    let hint = outcome.stderr.lines().last().unwrap();
+    let share = hint.strip_prefix("hint: ").and_then(|hint| hint.split_once(" %")).unwrap().0;
+    let share: f64 = share.parse().unwrap();
+    assert!(share > 50.0 && share < 100.0, "{hint}");
     // Neither: something else is wrong.
     let garbage: Vec<u8> = (0..200_u32).map(|i| (i * 37 % 251) as u8).collect();
     let outcome = decode(&["--protocol", "zk"], &garbage);

@@ -94,6 +94,24 @@ fn what_is_saved_plays_the_same() {
     assert_eq!(fs::read_to_string(&saved).unwrap(), without_comments);
 }
 
+/// Of the same instant, in either order.
+#[test]
+fn an_emergency_stop_beside_a_reset_is_no_unsolicited_command() {
+    let folder = folder("played-stop-and-reset");
+    let script = folder.join("run.txt");
+    let stop = "50.0 all node-reset\n50.0 all emergency-stop\n";
+    let reset_first = PLAYED.replace("50.0 all node-reset\n55.0 all emergency-stop\n", stop);
+    let stop_first = reset_first.replace(stop, "50.0 all emergency-stop\n50.0 all node-reset\n");
+    for content in [reset_first, stop_first] {
+        assert_ne!(content, PLAYED);
+        fs::write(&script, &content).unwrap();
+        let output = rig(&["--fast", "--script", script.to_str().unwrap()]);
+        let printed = text(&output.stdout);
+        assert!(output.status.success() && !printed.contains("FAILED"), "{printed}");
+        assert!(printed.contains("EMERGENCY") || printed.contains("emergency stop"), "{printed}");
+    }
+}
+
 #[test]
 fn a_wrong_script_is_one_sentence_with_its_line() {
     let folder = folder("played-wrong");

@@ -10,6 +10,7 @@ use jetlink::engine::config::Limits;
 use jetlink::engine::state::EngineState;
 use jetlink::event::LossStage;
 use jetlink::limit::{Action, LimitKind, LimitViolation};
+use jetlink::report::LinkState;
 use jetlink::units::{Celsius, Rpm};
 
 /// A condition of a start.
@@ -104,7 +105,8 @@ pub fn of_start(detail: &Detail) -> Vec<Condition> {
     add("limits", Some("none is violated".to_owned()), violated.map_or_else(none, values), |why| {
         matches!(why, Rejected::Start(Interlock::Limit(_)))
     });
-    let gap = format!(", and {} s have passed since", rules.gap.as_millis() as f64 / 1e3);
+    let gap =
+        format!(", and {} s have passed since that start was commanded", rules.gap.as_millis() as f64 / 1e3);
     add("other engines", Some("none is starting".to_owned()), gap, |why| {
         *why == Rejected::Start(Interlock::OtherStarting)
     });
@@ -138,9 +140,14 @@ pub fn of_demand(sample: &Sample, detail: &Detail) -> Vec<String> {
         all.push("the node restarts: nothing is sent until it is up".to_owned());
         return all;
     }
+    if sample.link != LinkState::Up {
+        all.push("the link is not up: nothing shows that frames reach the ECU".to_owned());
+    }
     match telemetry.ordered.order {
         Order::EmergencyStop => all.push(format!("an emergency stop is in force, by {origin}")),
-        Order::Listen => all.push("the node has started and listens before it obeys".to_owned()),
+        Order::Listen => {
+            all.push("no order is in force: the node listens, and the next reports decide".to_owned())
+        }
         Order::Doubt(_) => {
             all.push(
                 "it is in doubt whether the engine runs: nothing that could start it is sent".to_owned(),
@@ -359,7 +366,7 @@ mod tests {
             (
                 Rejected::Start(Interlock::OtherStarting),
                 "other engines",
-                "wait until another engine of the group has started, and 10 s have passed since".to_owned(),
+                "wait until another engine of the group has started, and 10 s have passed since that start was commanded".to_owned(),
             ),
         ] {
             detail.start_refusals = Some(vec![why]);
@@ -378,6 +385,7 @@ mod tests {
     #[test]
     fn a_demand_that_moves_says_at_which_rate() {
         let (mut sample, mut detail) = moment();
+        sample.link = LinkState::Up;
         detail.telemetry.state = EngineState::Running;
         let mut says = |commanded: Demand, sent: Demand, up, down| {
             sample.input = PilotInput::Run(commanded);
@@ -408,6 +416,7 @@ mod tests {
     #[test]
     fn a_limit_that_lowers_the_demand_is_named_with_its_value() {
         let (mut sample, mut detail) = moment();
+        sample.link = LinkState::Up;
         sample.input = PilotInput::Run(percent(60));
         detail.telemetry.commanded = Some(percent(60));
         detail.telemetry.ordered = Ordered { order: Order::Run(percent(0)), origin: Origin::Bench };

@@ -20,6 +20,8 @@ pub const DEFAULT: [&str; 4] = [
 
 /// The protocol of an engine without `ecu=`.
 const USUAL: &str = "amt";
+/// Every engine, in scripts and events.
+pub const ALL: &str = "all";
 /// More would not fit the table on a terminal; a board has fewer ports.
 pub const MOST_ENGINES: usize = 8;
 
@@ -126,6 +128,11 @@ pub fn engines(descriptions: &[String]) -> Result<Vec<Engine>, String> {
         return Err(format!("{} engines are too many: the rig runs up to {MOST_ENGINES}", engines.len()));
     }
     for (i, engine) in engines.iter().enumerate() {
+        if engine.name() == ALL {
+            return Err(format!(
+                "an engine cannot have the name `{ALL}`: in scripts and events it means every engine"
+            ));
+        }
         if engines.iter().take(i).any(|other| other.name() == engine.name()) {
             return Err(format!("two engines have the name `{}`", engine.name()));
         }
@@ -217,6 +224,7 @@ mod tests {
             ("name=a,ecu=zk,rate=30", "rate=`30`"),
             ("name=a,ecu=zk,mode=jump", "mode=`jump`"),
             ("name=a,ecu=zk,version=3,mode=rpm", "needs version=4"),
+            ("name=all", "every engine"),
             ("name=a,baud=fast", "baud=`fast`"),
             ("name=a,baud=1234", "engine `a`: invalid baud rate"),
             ("name=a,stop=3", "stop=`3`"),

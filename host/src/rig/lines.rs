@@ -1,6 +1,7 @@
 //! Plain lines, for an output that is not a terminal and for runs that are faster than a person reads.
 
 use super::context::Note;
+use super::engines::ALL;
 use super::out::Out;
 use super::quantity::seconds;
 use super::row::{heads, row};
@@ -31,7 +32,7 @@ impl Lines {
 
     /// Something happened.
     pub fn note(&self, note: &Note) -> io::Result<()> {
-        let name = note.engine.and_then(|i| self.names.get(i)).copied().unwrap_or("all");
+        let name = note.engine.and_then(|i| self.names.get(i)).copied().unwrap_or(ALL);
         self.out.write(&format!("{:>7.1}  {name:<12}  {}\n", seconds(note.at - Instant::MIN), note.text))
     }
 

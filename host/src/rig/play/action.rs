@@ -1,6 +1,6 @@
 //! What can be done in a run, and how it is written in a script file: an engine's name, or `all`, and words.
 
-use super::super::engines::Engine;
+use super::super::engines::{ALL, Engine};
 
 /// What is done to an engine.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -167,7 +167,7 @@ pub struct Action {
 impl Action {
     /// As in a script file.
     pub fn text(self, engines: &[Engine]) -> String {
-        let name = self.engine.and_then(|i| engines.get(i)).map_or("all", Engine::name);
+        let name = self.engine.and_then(|i| engines.get(i)).map_or(ALL, Engine::name);
         format!("{name} {}", self.act.text())
     }
 
@@ -175,7 +175,7 @@ impl Action {
     pub fn parse(text: &str, engines: &[Engine]) -> Result<Self, String> {
         let (name, act) = text.split_once(' ').unwrap_or((text, ""));
         let engine = match name {
-            "all" => None,
+            ALL => None,
             name => {
                 let place = engines.iter().position(|engine| engine.name() == name);
                 Some(place.ok_or_else(|| format!("there is no engine `{name}`"))?)

@@ -2,6 +2,7 @@
 //! belongs to the shaft speed.
 
 use super::super::chronicle::shown;
+use super::super::engines::ALL;
 use super::super::quantity::seconds;
 use super::super::record::{Band, Point, thinned};
 use super::model::{Event, Model, Subject};
@@ -123,7 +124,7 @@ fn engine(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect, engine
 /// What happened to an engine, in seconds before now, the latest last.
 fn marks(model: &Model, engine: usize) -> Vec<(f64, String)> {
     let name = model.name(engine);
-    let of_engine = model.events.iter().filter(|event| event.name == name || event.name == "all");
+    let of_engine = model.events.iter().filter(|event| event.name == name || event.name == ALL);
     let mark = |event: &Event| {
         let t = seconds(event.at - Instant::MIN) - seconds(model.at - Instant::MIN);
         (t >= -SPAN).then(|| shown(&event.text)).flatten().map(|text| (t, text))

@@ -24,7 +24,7 @@ fn why_shows_what_prevents_a_start() {
     assert!(screen.contains("✗ EGT") && screen.contains("let it cool in standby, limit 100 °C"), "{screen}");
     assert!(screen.contains("✓ armed"), "{screen}");
     // It still turns.
-    assert!(screen.contains("Outputs: fuel valve open, starter and ignition on"), "{screen}");
+    assert!(screen.contains("A board's outputs: fuel valve open, starter and ignition on"), "{screen}");
     // The refusal has the same text.
     let event = played.model.events.iter().find(|event| event.text.contains("rejected")).expect("a refusal");
     let reason = event.text.split_once("rejected: ").unwrap().1;
@@ -149,5 +149,18 @@ fn a_script_file_on_a_terminal_ends_with_the_verdict_on_the_screen() {
 fn why_shows_the_valve_that_a_stop_has_closed() {
     let played = pair(53.0, &[(50.0, char(' ')), (52.0, char('w'))], "why_stopped");
     let screen = text(&buffer(&played.model, COLOUR, 100, 30));
-    assert!(screen.contains("Outputs: fuel valve closed, starter and ignition on"), "{screen}");
+    assert!(screen.contains("A board's outputs: fuel valve closed, starter and ignition on"), "{screen}");
+}
+
+/// With both wires cut no frame is promised.
+#[test]
+fn why_says_that_the_link_is_not_up() {
+    let cut = [(40.0, char('f')), (40.1, char('c')), (40.2, char('f')), (46.0, char('w'))];
+    for (keys, down) in [(&cut[..], true), (&cut[3..], false)] {
+        let played = pair(47.0, keys, "why_cut");
+        let screen = text(&buffer(&played.model, COLOUR, 100, 30));
+        assert!(screen.contains("why: left"), "{screen}");
+        assert_eq!(screen.contains("the link is not up"), down, "{screen}");
+        assert!(!screen.contains("the next frames carry it"), "{screen}");
+    }
 }

@@ -1,7 +1,7 @@
 //! What the screen shows: gathered from the run's messages, changed by keys. It draws nothing and reads no terminal.
 
 use super::super::context::Note;
-use super::super::engines::Engine;
+use super::super::engines::{ALL, Engine};
 use super::super::frames::Frames;
 use super::super::message::Message;
 use super::super::outcome::Outcomes;
@@ -215,7 +215,7 @@ impl Model {
     }
 
     pub(super) fn note(&mut self, note: Note) {
-        let name = note.engine.map_or("all", |engine| self.name(engine));
+        let name = note.engine.map_or(ALL, |engine| self.name(engine));
         self.events.push_back(Event { at: note.at, name, text: note.text });
         if self.events.len() > EVENTS_KEPT {
             self.events.pop_front();
@@ -266,7 +266,9 @@ impl Model {
     fn act(&mut self, does: Does, event: &KeyEvent) -> Option<Requested> {
         let count = self.subjects.len().max(1);
         if self.scenario && does.is_of_script() {
-            let text = "a scenario plays by itself: no key but Space acts on its engines".to_owned();
+            let text =
+                "a scenario plays by itself: only an emergency stop and its release act on its engines"
+                    .to_owned();
             self.note(Note { at: self.at, engine: None, text });
             return None;
         }

@@ -161,8 +161,11 @@ impl Screen {
                 Ok(message) => {
                     keep(&message)?;
                     self.model.message(message);
-                    // All that waits, before the next picture.
-                    while let Ok(message) = messages.try_recv() {
+                    // All that waits, before the next picture; but where more comes than can be shown, keys still count.
+                    let until = Instant::now() + DRAW_EVERY;
+                    while Instant::now() < until
+                        && let Ok(message) = messages.try_recv()
+                    {
                         keep(&message)?;
                         self.model.message(message);
                     }

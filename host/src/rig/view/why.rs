@@ -85,6 +85,9 @@ fn lines(model: &Model, theme: Theme, width: usize, low: bool) -> Vec<Line<'stat
     let valve = if detail.outputs.valve() == Valve::Open { "open" } else { "closed" };
     let power = if detail.outputs.power() { "on" } else { "off" };
     lines.extend(space());
-    lines.push(line(format!("Outputs: fuel valve {valve}, starter and ignition {power}"), Tone::Head));
+    lines.push(line(
+        format!("A board's outputs: fuel valve {valve}, starter and ignition {power}"),
+        Tone::Head,
+    ));
     lines
 }
