@@ -313,7 +313,12 @@ impl Case<'_> {
         let unreadable = self.is_amt()
             && h.sensor.touches(at.saturating_sub(SECOND), at)
             && self.faults.touches(at.saturating_sub(SECOND), at);
-        let hidden = unreadable || self.blind.union(&h.noise).union(&self.down).touches(silent_since, at);
+        // After a reset an AMT engine is in doubt until a set says that it runs, which no error set does.
+        let last_up = h.resets.iter().map(|reset| reset.up).filter(|up| *up <= at).max();
+        let no_state =
+            self.is_amt() && last_up.is_some_and(|up| self.faults.within(up, at) + 200 * MS >= at - up);
+        let hidden =
+            unreadable || no_state || self.blind.union(&h.noise).union(&self.down).touches(silent_since, at);
         let last_stage = match (rules.standby_after, hidden) {
             (Some(after), true) => Some(after.min(10 * SECOND)),
             (None, true) => Some(10 * SECOND),

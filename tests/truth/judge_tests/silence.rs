@@ -233,7 +233,7 @@ fn silence_shuts_an_engine_down_only_where_that_is_configured() {
 /// With error sets only, and a thermocouple that is broken, nothing says that an AMT engine runs: in silence its order ends.
 #[test]
 fn in_silence_an_engine_that_nothing_shows_is_shut_down() {
-    let story = |broken: bool| {
+    let since = |from: u64, broken: bool| {
         flight(AMT, 40.0)
             .wire(40.0, 41.5, HALF)
             .ramp(41.5, 500, 0)
@@ -241,16 +241,26 @@ fn in_silence_an_engine_that_nothing_shows_is_shut_down() {
             .wire(60.0, 70.0, STANDBY)
             .turbine(40.0, 60.1, Phase::Running, 52_000.0, 480.0)
             .turbine(60.1, 70.0, Phase::Cooling, 5000.0, 300.0)
-            .with(|h| {
+            .with(move |h| {
                 h.samples
                     .iter_mut()
-                    .filter(|sample| sample.at >= 57 * SECOND)
+                    .filter(|sample| sample.at >= from * SECOND)
                     .for_each(|sample| sample.fault = true);
                 if broken {
                     h.sensor = Spans::from(&[(57 * SECOND, 70 * SECOND)]);
                 }
             })
     };
+    let story = |broken| since(57, broken);
     story(true).passes();
     story(false).breaks(&[Rule::ShutDown]);
+    // After a reset it is in doubt until a set says that it runs: an error set does not.
+    let reset = |from: u64| {
+        let again = |h: &mut History| {
+            h.resets.push(Reset { down: 38_990 * MS, up: 39 * SECOND, cause: Cause::Watchdog });
+        };
+        since(from, false).with(again)
+    };
+    reset(38).breaks_beside(&[Rule::Doubt], &[]);
+    reset(45).breaks_beside(&[Rule::Doubt], &[Rule::ShutDown]);
 }
