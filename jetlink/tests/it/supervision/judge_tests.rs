@@ -119,3 +119,45 @@ fn a_demand_may_rise_between_two_losses() {
         assert!(said.is_err(), "{throttle}: {said:?}");
     }
 }
+
+/// Two commands of standby within 0.2 s end a run; what another source commands before the next frame ends nothing.
+#[test]
+fn one_standby_counts_only_where_the_run_has_ended_already() {
+    let judged = |ended: bool| {
+        let config = Ecu::Amt.with(|s| s.timeouts.mavlink = Duration::from_millis(500));
+        let Demand::Throttle(idle) = percent(0) else { unreachable!() };
+        let mut judge = Oracle::new(config, false, 36_000, 100_000);
+        let by = |origin, command, answer| Input::Commanded(origin, command, Ok(answer));
+        judge.input(0, by(Origin::Mavlink, Command::Arm, Accepted::InForce))?;
+        let end = 20 * SECOND;
+        for step in 0..end / (25 * MS) {
+            let at = step * 25 * MS;
+            let (starts, runs) = (at >= 3 * SECOND, at >= 4 * SECOND);
+            let truth = Truth {
+                live: starts,
+                running: runs,
+                says_running: runs,
+                standby: !starts,
+                egt: if starts { 500.0 } else { 20.0 },
+                obeys_run: starts,
+                ..Truth::default()
+            };
+            judge.input(at, Input::Truth(truth))?;
+            if step.is_multiple_of(2) {
+                let command = if starts { Command::Run(Demand::Throttle(idle)) } else { Command::Standby };
+                judge.input(at, by(Origin::Mavlink, command, Accepted::InForce))?;
+            }
+            if step % 5 == 1 {
+                let switch = if starts { Switch::Run } else { Switch::Standby };
+                judge.frame(at, Frame::Full(switch, 0))?;
+            }
+        }
+        if ended {
+            judge.input(end, by(Origin::Mavlink, Command::Standby, Accepted::RepeatStandby))?;
+            judge.input(end + 50 * MS, by(Origin::Mavlink, Command::Standby, Accepted::InForce))?;
+        }
+        judge.input(end + 60 * MS, by(Origin::Rc, Command::Standby, Accepted::InForce))
+    };
+    assert_eq!(judged(true), Ok(()));
+    assert_eq!(judged(false), Err("(5) one standby of rc counts, and the engine runs".to_owned()));
+}

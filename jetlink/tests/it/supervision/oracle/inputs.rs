@@ -195,7 +195,17 @@ impl Oracle {
             let lately = second.is_some_and(|second| at <= second + self.age(origin).max(RUN_OUT));
             // Behind another source it does not count, and one that is in control and commands standby has ended the run.
             let counts = answer == Ok(Accepted::InForce);
-            if healthy && counts && self.healthy_since.is_some_and(|since| at > since + 3 * SECOND) && !lately
+            // What has ended the run since the last frame ends it no more.
+            let ended =
+                self.standby_in_force.is_some_and(|since| since >= self.last_frame) || self.ended_by_loss(at);
+            if counts {
+                self.standby_in_force = Some(at);
+            }
+            if healthy
+                && counts
+                && !ended
+                && self.healthy_since.is_some_and(|since| at > since + 3 * SECOND)
+                && !lately
             {
                 return Err(format!("(5) one standby of {origin} counts, and the engine runs"));
             }

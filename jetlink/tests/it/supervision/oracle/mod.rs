@@ -214,6 +214,8 @@ pub struct Oracle {
     arm_commanded: [bool; 4],
     must_disarm: [bool; 4],
     standby_commanded: Option<u64>,
+    /// Last standby of a source that is in force.
+    standby_in_force: Option<u64>,
     /// Commands to start since the last frame with a switch.
     attempts: Vec<Attempt>,
 
@@ -325,6 +327,7 @@ impl Oracle {
             arm_commanded: [false; 4],
             must_disarm: [false; 4],
             standby_commanded: None,
+            standby_in_force: None,
             attempts: Vec::new(),
             at: 0,
             wire_run: false,
