@@ -120,17 +120,20 @@ fn a_demand_may_rise_between_two_losses() {
     }
 }
 
-/// Two commands of standby within 0.2 s end a run; what another source commands before the next frame ends nothing.
+/// The last stage of loss ends a run: what a source commands before the next frame ends nothing. Before, one standby does not count.
 #[test]
 fn one_standby_counts_only_where_the_run_has_ended_already() {
-    let judged = |ended: bool| {
-        let config = Ecu::Amt.with(|s| s.timeouts.mavlink = Duration::from_millis(500));
+    let judged = |last: u64| {
+        let config = Ecu::Amt.with(|s| {
+            s.timeouts.bench = Duration::from_millis(500);
+            s.loss.hold = Duration::from_secs(1);
+            s.loss.standby_after = Some(Duration::from_secs(3));
+        });
         let Demand::Throttle(idle) = percent(0) else { unreachable!() };
         let mut judge = Oracle::new(config, false, 36_000, 100_000);
-        let by = |origin, command, answer| Input::Commanded(origin, command, Ok(answer));
-        judge.input(0, by(Origin::Mavlink, Command::Arm, Accepted::InForce))?;
-        let end = 20 * SECOND;
-        for step in 0..end / (25 * MS) {
+        let by = |origin, command| Input::Commanded(origin, command, Ok(Accepted::InForce));
+        judge.input(0, by(Origin::Bench, Command::Arm))?;
+        for step in 0..last / (25 * MS) {
             let at = step * 25 * MS;
             let (starts, runs) = (at >= 3 * SECOND, at >= 4 * SECOND);
             let truth = Truth {
@@ -143,21 +146,18 @@ fn one_standby_counts_only_where_the_run_has_ended_already() {
                 ..Truth::default()
             };
             judge.input(at, Input::Truth(truth))?;
-            if step.is_multiple_of(2) {
-                let command = if starts { Command::Run(Demand::Throttle(idle)) } else { Command::Standby };
-                judge.input(at, by(Origin::Mavlink, command, Accepted::InForce))?;
+            if step.is_multiple_of(2) && at <= 15 * SECOND {
+                let run = Command::Run(Demand::Throttle(idle));
+                judge.input(at, by(Origin::Bench, if starts { run } else { Command::Standby }))?;
             }
             if step % 5 == 1 {
                 let switch = if starts { Switch::Run } else { Switch::Standby };
                 judge.frame(at, Frame::Full(switch, 0))?;
             }
         }
-        if ended {
-            judge.input(end, by(Origin::Mavlink, Command::Standby, Accepted::RepeatStandby))?;
-            judge.input(end + 50 * MS, by(Origin::Mavlink, Command::Standby, Accepted::InForce))?;
-        }
-        judge.input(end + 60 * MS, by(Origin::Rc, Command::Standby, Accepted::InForce))
+        judge.input(last, by(Origin::Rc, Command::Standby))
     };
-    assert_eq!(judged(true), Ok(()));
-    assert_eq!(judged(false), Err("(5) one standby of rc counts, and the engine runs".to_owned()));
+    // Lost 0.5 s after 15 s, held for 1 s: standby is due at 19.5 s.
+    assert_eq!(judged(19 * SECOND + 510 * MS), Ok(()));
+    assert_eq!(judged(19 * SECOND), Err("(5) one standby of rc counts, and the engine runs".to_owned()));
 }
