@@ -61,13 +61,13 @@ pub fn restore(cause: ResetCause) -> Option<All> {
 fn restore_all(cause: ResetCause) -> All {
     let configs = defmt::unwrap!(OUTPUTS);
     let reset = cause.retained();
-    let has_failed = board::starts::begin(cause);
+    let failed = board::starts::begin(cause);
     let all = from_fn(|engine| {
         // Name, port and protocol are what a record is known by, and none of them is a parameter.
         let config = ENGINES.get(engine);
         let memory = config.and_then(|config| board::engines::RETAINED.0.get(usize::from(config.port)));
         let record = memory.zip(config).and_then(|(memory, config)| memory.load(config.fingerprint(), reset));
-        Outputs::new(configs[engine].settings, record, has_failed)
+        Outputs::new(configs[engine].settings, record, failed.close(engine))
     });
     drive(&all);
     all
@@ -96,7 +96,6 @@ pub async fn serve(node: &'static Node<N>, mut all: All) -> ! {
     for (engine, (config, outputs)) in configs.iter().zip(&all).enumerate() {
         SHARED.set(engine, config, outputs, outputs.restored());
     }
-    let mut has_lived = false;
     let mut ticker = Ticker::every(EVERY);
     loop {
         let mut changes = [[None; 2]; N];
@@ -108,9 +107,8 @@ pub async fn serve(node: &'static Node<N>, mut all: All) -> ! {
             SHARED.set(engine, config, outputs, changes.into_iter().flatten());
         }
         // A valve that was closed for failed starts stays closed over further resets, until its engine is at rest.
-        if !has_lived && Instant::now() >= Instant::MIN + LIVED && !all.iter().any(Outputs::is_cut) {
-            has_lived = true;
-            board::starts::has_lived();
+        if Instant::now() >= Instant::MIN + LIVED {
+            board::starts::has_lived(all.iter().map(Outputs::is_cut));
         }
         ticker.next().await;
     }

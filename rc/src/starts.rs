@@ -2,7 +2,7 @@
 //!
 //! After a reset the retained record may say that an engine runs, and its valve is opened before anything else. Where the firmware then
 //! crashes or hangs, again and again, nothing else ever closes it. So the time of starts that failed is summed up in memory that survives a
-//! reset. A start that has lived for [`LIVED`] clears the sum, unless the valve is closed for it. From [`LIMIT`] on the valve is closed, until the engine is at
+//! reset. A start that has lived for [`LIVED`] clears the sum; a valve that is closed stays so. From [`LIMIT`] on the valve is closed, until the engine is at
 //! rest or started anew.
 //!
 //! It is a time and not a number, because a crash right after the start is over in milliseconds: any number that ends a row of hangs within
@@ -32,22 +32,36 @@ pub enum Ended {
     Otherwise,
 }
 
-/// Time of failed starts in a row.
+/// Time of failed starts in a row, and the engines whose valves are closed for such a row.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct FailedStarts {
     ms: u32,
+    /// A bit for each engine.
+    cut: u8,
 }
+
+/// Bits of the time in the number that is retained: 4.6 h.
+const TIME: u32 = 0x00FF_FFFF;
 
 impl FailedStarts {
     /// From the number that was retained; `None`: it was lost.
-    pub fn retained(ms: Option<u32>) -> Self {
-        Self { ms: ms.unwrap_or(0) }
+    pub fn retained(number: Option<u32>) -> Self {
+        let number = number.unwrap_or(0);
+        Self { ms: number & TIME, cut: (number >> 24) as u8 }
     }
 
-    /// The number to retain, in ms.
-    pub const fn ms(self) -> u32 {
-        self.ms
+    /// The number to retain: the time in ms, and the engines in the upper eight bits.
+    pub fn number(self) -> u32 {
+        self.ms.min(TIME) | u32::from(self.cut) << 24
+    }
+
+    /// After a start that has lived: only the valves that are closed stay so over a further reset. `cut`: of each engine, whether its
+    /// valve is closed for failed starts.
+    #[must_use]
+    pub fn lived(cut: impl IntoIterator<Item = bool>) -> Self {
+        let bits = cut.into_iter().take(8).enumerate();
+        Self { ms: 0, cut: bits.fold(0, |bits, (engine, cut)| bits | u8::from(cut) << engine) }
     }
 
     /// After a start that ended like this.
@@ -60,12 +74,20 @@ impl FailedStarts {
             Ended::Hung => HANG,
             Ended::Otherwise => return self,
         };
-        Self { ms: self.ms.saturating_add(u32::try_from(took.as_millis()).unwrap_or(u32::MAX)) }
+        let took = u32::try_from(took.as_millis()).unwrap_or(u32::MAX);
+        Self { ms: self.ms.saturating_add(took).min(TIME), ..self }
     }
 
-    /// Whether the valve is to be closed.
+    /// Whether too many starts have failed in a row.
     pub fn are_too_many(self) -> bool {
         Duration::from_millis(self.ms.into()) >= LIMIT
+    }
+
+    /// Whether the valve of this engine, counted from 0, is to be closed.
+    pub fn close(self, engine: usize) -> bool {
+        let cut =
+            u32::try_from(engine).ok().and_then(|engine| self.cut.checked_shr(engine)).unwrap_or(0) & 1 == 1;
+        cut || self.are_too_many()
     }
 }
 
@@ -77,7 +99,7 @@ mod tests {
     fn starts(ended: Ended) -> Option<u32> {
         let mut failed = FailedStarts::retained(None);
         (1..=100_000).find(|_| {
-            failed = FailedStarts::retained(Some(failed.ms())).after(ended);
+            failed = FailedStarts::retained(Some(failed.number())).after(ended);
             failed.are_too_many()
         })
     }
@@ -99,8 +121,22 @@ mod tests {
         assert!(!almost.are_too_many() && almost.after(Ended::Hung).are_too_many());
         // A brown-out in between does not count, and does not clear what the firmware did.
         assert!(almost.after(Ended::Otherwise).after(Ended::Hung).are_too_many());
-        // Nor does a long life of a node whose valve stays closed: it clears the sum itself, once the engine is at rest.
+        // A long life clears it itself, see `lived`.
         assert_eq!(almost.after(Ended::Crashed(LIVED)), almost);
         assert!(FailedStarts::retained(Some(u32::MAX)).after(Ended::Hung).are_too_many());
+    }
+
+    /// A long life clears the sum for the engines that run, and keeps the valve closed of the one that was cut.
+    #[test]
+    fn a_long_life_clears_the_sum_of_every_engine_but_the_one_that_was_cut() {
+        let failed = (0..10).fold(FailedStarts::default(), |sum, _| sum.after(Ended::Hung));
+        assert_eq!([0, 1, 7, 8].map(|engine| failed.close(engine)), [true; 4]);
+        let lived = FailedStarts::lived([false, true]);
+        let lived = FailedStarts::retained(Some(lived.number())).after(Ended::Hung);
+        assert_eq!([0, 1, 2, 9, 40].map(|engine| lived.close(engine)), [false, true, false, false, false]);
+        assert!(!FailedStarts::lived([false, false]).close(1), "it is at rest");
+        let longest =
+            FailedStarts::retained(Some(FailedStarts::lived([true]).number() | TIME)).after(Ended::Hung);
+        assert!(longest.close(1) && longest.number() == TIME | 1 << 24);
     }
 }

@@ -43,14 +43,15 @@ pub fn drive_output(_number: u8, _high: bool) {}
 /// Without outputs nobody counts starts that failed.
 pub mod starts {
     use super::super::state::ResetCause;
+    use jetlink_rc::starts::FailedStarts;
 
     /// None has.
-    pub fn begin(_cause: ResetCause) -> bool {
-        false
+    pub fn begin(_cause: ResetCause) -> FailedStarts {
+        FailedStarts::default()
     }
 
     /// Nobody counts.
-    pub fn has_lived() {}
+    pub fn has_lived(_cut: impl IntoIterator<Item = bool>) {}
 }
 
 /// The board's name.

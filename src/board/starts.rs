@@ -6,7 +6,7 @@ use super::state::ResetCause;
 use embassy_time::{Duration, Instant};
 use jetlink_rc::starts::{Ended, FailedStarts};
 
-/// Time of failed starts in a row, in ms.
+/// Time of failed starts in a row, and the valves that are closed for it.
 // SAFETY: the linker puts this section into RAM that start-up does not touch. Every bit pattern is valid, and only a word with its
 // inverse is used.
 #[unsafe(link_section = ".retained.failed")]
@@ -17,8 +17,8 @@ static FAILED: RetainedWord = RetainedWord::new();
 #[unsafe(link_section = ".retained.crashed")]
 static CRASHED: RetainedWord = RetainedWord::new();
 
-/// A start begins. Returns whether too many before it have failed. Call it once, before the clock runs.
-pub fn begin(cause: ResetCause) -> bool {
+/// A start begins. Returns what failed before it. Call it once, before the clock runs.
+pub fn begin(cause: ResetCause) -> FailedStarts {
     let crashed = CRASHED.get().and_then(|ms| ms.checked_sub(1));
     CRASHED.set(0);
     let ended = match (crashed, cause) {
@@ -28,13 +28,16 @@ pub fn begin(cause: ResetCause) -> bool {
         (None, _) => Ended::Otherwise,
     };
     let failed = FailedStarts::retained(FAILED.get()).after(ended);
-    FAILED.set(failed.ms());
-    failed.are_too_many()
+    FAILED.set(failed.number());
+    failed
 }
 
-/// This start has not failed.
-pub fn has_lived() {
-    FAILED.set(0);
+/// This start has not failed; which valves stay closed for earlier ones.
+pub fn has_lived(cut: impl IntoIterator<Item = bool>) {
+    let number = FailedStarts::lived(cut).number();
+    if FAILED.get() != Some(number) {
+        FAILED.set(number);
+    }
 }
 
 /// The firmware crashes. May be called from anywhere.

@@ -122,8 +122,8 @@ fn play<const N: usize>(
             cause = Cause::BrownOut;
         }
         let life = Duration::from_micros(now() - began_at);
-        if life >= LIVED && !contexts.iter().any(EngineContext::is_cut) {
-            failed = FailedStarts::default();
+        if life >= LIVED {
+            failed = FailedStarts::lived(contexts.iter().map(EngineContext::is_cut));
         }
         failed = match cause {
             Cause::Watchdog => failed.after(Ended::Crashed(life)),
@@ -285,12 +285,10 @@ fn boot<const N: usize>(
     let handles = node.handles();
     // From what was retained, before anything else.
     let mut receivers = Vec::new();
-    for (((context, config), memory), handle) in contexts.iter_mut().zip(configs).zip(memory).zip(&handles) {
-        receivers.push(context.begin(
-            memory.load(config.fingerprint(), reset),
-            failed.are_too_many(),
-            handle,
-        ));
+    let places = contexts.iter_mut().zip(configs).zip(memory).zip(&handles).enumerate();
+    for (engine, (((context, config), memory), handle)) in places {
+        let record = memory.load(config.fingerprint(), reset);
+        receivers.push(context.begin(record, failed.close(engine), handle));
     }
     let mut service = vehicle.as_mut().map(|vehicle| vehicle.begin::<N>(now(), &handles, configs));
     let mut tasks: Tasks<'_> = nature(contexts);
