@@ -61,6 +61,11 @@ impl Case<'_> {
             // Long enough for the node to know it. A start that a reset interrupts is ended.
             let mut begins = h.resets.iter().filter(|reset| (reset.up..reset.up + LATE).contains(&at));
             let begins = begins.next_back();
+            // What was closed before a reset stays so: whether it had to be was judged then.
+            let before = |down: u64| h.pin.iter().rev().find(|(at, _)| *at < down).map(|(_, pin)| *pin);
+            if begins.is_some_and(|reset| before(reset.down) == Some(Pin::Closed)) {
+                continue;
+            }
             let known = begins.map_or(at, |reset| reset.down);
             let lately = known.saturating_sub(self.two_states() + LATE);
             let before = h.samples(lately, at);

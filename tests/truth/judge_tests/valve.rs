@@ -147,6 +147,22 @@ fn the_valve_cuts_no_engine_that_is_ordered_to_run() {
     };
     let fails = |from, cause, pins: &[(f64, Pin)]| fails_each(200, from, cause, pins);
     let shut = [(52.6, Pin::Closed)];
+    // It stays closed over a later reset of a node that lived, and does not close anew.
+    let later = |pins: &[(f64, Pin)]| {
+        let resets = |h: &mut History| {
+            h.resets.push(Reset { down: micros(52.55), up: micros(52.6), cause: Cause::Watchdog });
+        };
+        let story = pin(flight(ZK5, 60.0), pins).with(resets);
+        story
+            .judged()
+            .findings
+            .iter()
+            .filter(|found| found.rule == Rule::CutOff)
+            .map(|found| found.at)
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(later(&[(45.0, Pin::Closed), (52.55, Pin::Floats), (52.6, Pin::Closed)]), [45 * SECOND]);
+    assert_eq!(later(&[(52.55, Pin::Floats), (52.6, Pin::Closed)]), [52_600 * MS]);
     // Each counts for a little more than it lived: of 35 ms, 8.75 s may be enough.
     assert_eq!(fails_each(45, 41_500, Cause::Watchdog, &shut), []);
     assert_eq!(fails_each(45, 44_000, Cause::Watchdog, &shut), [Rule::CutOff]);
