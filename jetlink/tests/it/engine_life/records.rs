@@ -39,6 +39,21 @@ fn an_open_pump_is_retained_until_it_is_closed() {
     assert!(!record(&scenario).pump_open, "closed");
 }
 
+/// ZK-9: that the switch was given by ID 6 is retained. After a reset with nothing received, standby goes there, too; an ECU that was never
+/// sent an ID 6 gets it by ID 1 alone.
+#[test]
+fn how_the_switch_was_given_is_retained() {
+    for (demand, by_id6) in [(rpm(100_000), true), (percent(50), false)] {
+        let scenario = Scenario::started(Ecu::Zk, demand);
+        let mut scenario = Scenario::after_reset(Ecu::Zk, Ecu::Zk.config(), Some(record(&scenario)));
+        scenario.silent().fly_us(Command::Standby, Origin::Rc, SECOND);
+        assert_eq!(scenario.order(), Order::Standby, "{demand:?}");
+        let frames = scenario.bench.bytes();
+        let sent = |id: u8| frames.iter().any(|frame| frame[1] >> 4 == id);
+        assert_eq!((sent(1), sent(6)), (true, by_id6), "{demand:?}: {frames:x?}");
+    }
+}
+
 /// What is retained of a demand: the one in force. One that was lowered or not reached yet is retained as it is.
 #[test]
 fn the_demand_that_is_retained_is_the_one_in_force() {

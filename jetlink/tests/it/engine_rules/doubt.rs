@@ -36,6 +36,19 @@ fn in_doubt_a_fresh_source_keeps_its_demand() {
     assert_eq!(scenario.order(), Order::Doubt(percent(60)));
 }
 
+/// "when all sources are silent and the stages of loss have run out": a lower source that streams standby is not silent. It ends the run
+/// after its own time.
+#[test]
+fn in_doubt_a_lower_source_that_streams_standby_is_not_silent() {
+    let config = Ecu::Zk.with(|s| s.loss.lower_standby_after = micros(60 * SECOND));
+    let mut scenario = Scenario::started_with(Ecu::Zk, config, percent(60));
+    scenario.silent().fly_us(Command::Standby, Origin::Bench, 55 * SECOND);
+    assert!(matches!(scenario.order(), Order::Doubt(_)), "{:?}", scenario.order());
+    scenario.fly_us(Command::Standby, Origin::Bench, 8 * SECOND);
+    let ordered = scenario.telemetry().ordered;
+    assert_eq!((ordered.order, ordered.origin), (Order::Standby, Origin::Bench));
+}
+
 /// "A healthy engine in flight is not shut down because jetlink is in doubt": after a reset without a record a ZK ECU reports a
 /// running engine on a good link, and its throttle (status ID 3) does not come.
 #[test]
