@@ -76,17 +76,23 @@ impl Engine {
     }
 
     pub(super) fn order_demand(&mut self, now: Instant, demand: Demand) -> Order {
-        if self.link.order(now, Order::Run(demand)).is_ok() {
-            return Order::Run(demand);
-        }
+        let Err(why) = self.link.order(now, Order::Run(demand)) else { return Order::Run(demand) };
         // An ECU that came back has not reported its version yet: it keeps its rpm until it has.
         if self.waits_for_version() && matches!(&self.mode, Mode::Run(run) if run.life.reached()) {
             return self.order_doubt(now, demand);
         }
-        // The link rejects an rpm above the ECU's maximum, which may have changed. No link rejects a throttle.
-        let idle = Order::Run(Demand::Throttle(Throttle::IDLE));
-        let _ = self.link.order(now, idle);
-        idle
+        let instead = match why {
+            // The maximum may have changed since the demand was clamped.
+            Rejected::AboveMaxRpm { max } => Demand::Rpm(max),
+            // The ECU's version has no speed control. No link rejects a throttle.
+            _ => Demand::Throttle(Throttle::IDLE),
+        };
+        if let Mode::Run(run) = &mut self.mode {
+            run.shaper.replace(now, instead);
+            run.shaped = instead;
+        }
+        let _ = self.link.order(now, Order::Run(instead));
+        Order::Run(instead)
     }
 
     /// Whether the ECU has not reported its version yet, so that it is not known whether it controls an rpm itself.

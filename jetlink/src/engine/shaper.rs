@@ -98,6 +98,13 @@ impl Shaper {
         }
     }
 
+    /// Goes on from what was sent in place of a demand that the ECU cannot take: what it can take later must not jump, and without
+    /// a source does not rise.
+    pub fn replace(&mut self, now: Instant, sent: Demand) {
+        self.moving = Moving::new(now, sent);
+        self.rising = true;
+    }
+
     /// Limits the rise to the configured rate until the commanded demand is reached.
     pub const fn rise(&mut self) {
         self.rising = true;
@@ -265,14 +272,15 @@ impl Moving {
         }
     }
 
-    /// While an ECU with its own speed control has not reported its maximum, or not again after its link was lost, an rpm does
-    /// not rise: it could not be clamped.
+    /// The maximum of an ECU with its own speed control. While it has not reported it, or not again after its link was lost, an
+    /// rpm does not rise: it could not be clamped.
     fn within_maximum(&self, target: Demand, shape: &Shape) -> Demand {
         match target {
-            Demand::Rpm(rpm) if !shape.governed && shape.max_rpm.is_none() => {
-                let highest = match self {
-                    Self::Rpm(ramp) => Rpm::new(ramp.value()),
-                    Self::Throttle(_) => {
+            Demand::Rpm(rpm) if !shape.governed => {
+                let highest = match (shape.max_rpm, self) {
+                    (Some(max), _) => max,
+                    (None, Self::Rpm(ramp)) => Rpm::new(ramp.value()),
+                    (None, Self::Throttle(_)) => {
                         shape.rpm.map(|rpm| rpm.value).or(shape.idle_rpm).unwrap_or(Rpm::new(0))
                     }
                 };

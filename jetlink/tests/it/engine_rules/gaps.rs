@@ -180,12 +180,12 @@ fn an_rpm_demand_does_not_rise_before_the_maximum_is_reported_again() {
     };
     let without = codes(&mut scenario);
     assert!(without.iter().all(|code| *code == 4000), "160 000 rpm is code 4000: {without:?}");
-    // With a lower maximum the demand falls: 100 000 rpm in steps of 30.
+    // With a lower maximum the demand falls: 100 000 rpm in the same steps of 40.
     for _ in 0..2 {
         scenario.bench.receive(&zk_frames::status(6, TURNING, [100, 0, 5 << 2]));
     }
     scenario.fly_us(demand, Origin::Rc, 3 * SECOND);
-    assert_eq!(codes(&mut scenario).last(), Some(&3333));
+    assert_eq!(codes(&mut scenario).last(), Some(&2500));
 }
 
 /// "After a gap the demand rises at a set rate": also when it was held until the maximum was reported again.
@@ -257,4 +257,70 @@ fn an_rpm_falls_to_the_fail_safe_at_one_rate_when_the_link_is_lost_on_the_way() 
     let (received, silent) = (fallen(false), fallen(true));
     assert!((60_000..90_000).contains(&received), "{received}");
     assert!(silent.abs_diff(received) < 4000, "{silent} instead of {received}");
+}
+
+/// Two reports of another identity: the maximum in thousands of rpm, and the version. An ECU of a later version needs four.
+fn identity(scenario: &mut Scenario, thousands: u8, version: u8) {
+    for _ in 0..4 {
+        scenario.bench.receive(&zk_frames::status(6, TURNING, [thousands, 0, version << 2]));
+    }
+}
+
+/// A demand beyond the maximum is clamped, also one in force when the ECU reports a lower one. Then it "does not jump": it rises at
+/// the set rate from there, and with a silent source not at all.
+#[test]
+fn a_demand_in_force_is_clamped_to_a_lower_maximum_and_does_not_jump_back() {
+    for fresh in [true, false] {
+        let mut scenario = Scenario::started(Ecu::Zk, rpm(120_000));
+        let demand = Command::Run(rpm(120_000));
+        scenario.fly_us(demand, Origin::Rc, 5 * SECOND);
+        scenario.pass_us(SECOND);
+        if fresh {
+            scenario.fly_us(demand, Origin::Rc, SECOND);
+        }
+        identity(&mut scenario, 100, 5);
+        scenario.pass_us(2 * FRAME_PERIOD_US);
+        assert_eq!(scenario.order(), Order::Run(rpm(100_000)), "not idle");
+        identity(&mut scenario, 160, 5);
+        scenario.pass_us(2 * FRAME_PERIOD_US);
+        let Order::Run(Demand::Rpm(soon)) = scenario.order() else { panic!("{:?}", scenario.order()) };
+        // 50 % of 160 000 rpm a second: at most 10 000 rpm in the 0.1 s.
+        assert!((100_000..=111_000).contains(&soon.get()), "{soon:?}");
+        assert!(fresh || soon.get() == 100_000, "{soon:?} without a source");
+        if fresh {
+            scenario.fly_us(demand, Origin::Rc, SECOND);
+            assert_eq!(scenario.order(), Order::Run(rpm(120_000)));
+        }
+    }
+}
+
+/// An ECU that reports a version without speed control has idle instead of an rpm (ZK-7). When it reports its own version again, the
+/// demand rises at the set rate; with a silent source it stays at idle.
+#[test]
+fn a_demand_that_the_ecu_could_not_take_does_not_jump_when_it_can() {
+    for fresh in [true, false] {
+        let mut scenario = Scenario::started(Ecu::Zk, rpm(120_000));
+        let demand = Command::Run(rpm(120_000));
+        scenario.fly_us(demand, Origin::Rc, 5 * SECOND);
+        scenario.pass_us(SECOND);
+        if fresh {
+            scenario.fly_us(demand, Origin::Rc, SECOND);
+        }
+        scenario.values.rpm = Some(30_000);
+        identity(&mut scenario, 160, 3);
+        scenario.pass_us(2 * FRAME_PERIOD_US);
+        assert_eq!(scenario.order(), Order::Run(percent(0)), "version 3 has no speed control");
+        identity(&mut scenario, 160, 5);
+        scenario.pass_us(2 * FRAME_PERIOD_US);
+        match scenario.order() {
+            Order::Run(Demand::Throttle(Throttle::IDLE)) => assert!(!fresh),
+            // From the shaft's speed, 50 % of 160 000 rpm a second: at most 10 000 rpm in the 0.1 s.
+            Order::Run(Demand::Rpm(soon)) => assert!(fresh && soon.get() <= 41_000, "{soon:?}"),
+            order => panic!("{order:?}"),
+        }
+        if fresh {
+            scenario.fly_us(demand, Origin::Rc, 4 * SECOND);
+            assert_eq!(scenario.order(), Order::Run(rpm(120_000)));
+        }
+    }
 }
