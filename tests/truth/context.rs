@@ -251,6 +251,9 @@ impl EngineContext {
         let Some(transmitter) = &mut self.transmitter else { return };
         transmitter.fly(rng, &view);
         let commands = transmitter.send(rng, at, receiver);
+        if transmitter.is_damaged {
+            self.history.damaged_sticks.push(at);
+        }
         let sticks = transmitter.sticks();
         let same = |before: &Sticks| Sticks { at, ..*before } == sticks;
         if !self.history.sticks.last().is_some_and(same) {

@@ -509,6 +509,8 @@ pub struct History {
     pub shut: Spans,
     /// Stick and switch. Empty: there is no radio control.
     pub sticks: Vec<Sticks>,
+    /// When a damaged frame of theirs came.
+    pub damaged_sticks: Vec<u64>,
     /// What is said through MAVLink, where the engine is commanded so.
     pub spoken: Option<Spoken>,
 }
@@ -540,6 +542,7 @@ impl History {
             pin: Vec::new(),
             shut: Spans::default(),
             sticks: Vec::new(),
+            damaged_sticks: Vec::new(),
             spoken: None,
         }
     }

@@ -89,6 +89,8 @@ pub struct Transmitter {
     /// Damaged frames, per mille.
     noise: u64,
     layout: Layout,
+    /// The last frame was damaged on its way.
+    pub is_damaged: bool,
     /// The receiver of the node; anew after each reset.
     armings: u32,
 }
@@ -107,6 +109,7 @@ impl Transmitter {
             next: 0,
             noise,
             layout,
+            is_damaged: false,
             armings: 0,
         }
     }
@@ -174,7 +177,8 @@ impl Transmitter {
         self.next = now + FRAME;
         self.sticks.at = now;
         let mut frame = sbus(self.layout.channels(&self.sticks), if self.sticks.on { 0 } else { 0x0C });
-        if rng.below(1000) < self.noise {
+        self.is_damaged = rng.below(1000) < self.noise;
+        if self.is_damaged {
             let at = rng.below(frame.len() as u64) as usize;
             frame[at] ^= 1 << rng.below(8);
         }

@@ -41,12 +41,16 @@ impl Case<'_> {
                 // In standby radio control is in control in both positions.
                 PilotCommand::Standby => any(|sticks| sticks.position != Position::Stop),
                 PilotCommand::Run(Demanded::Throttle(tenths)) => {
+                    // Two damaged frames of three may agree on a throttle, for one frame.
+                    let damaged = &self.h.damaged_sticks;
+                    let first = damaged.partition_point(|each| *each < at.saturating_sub(LATELY));
+                    let overruled = damaged.iter().skip(first).take_while(|each| **each <= at).count() >= 2;
                     // A damaged frame in the middle of a move may be the median: a value between the two, or one beside it whose last
                     // bits are damaged.
                     let sticks = lately.iter().filter(|sticks| sticks.on).map(|sticks| sticks.tenths);
                     let (low, high) =
                         sticks.fold((u32::MAX, 0), |(low, high), tenths| (low.min(tenths), high.max(tenths)));
-                    (low.saturating_sub(8)..=high + 8).contains(&tenths)
+                    (overruled || (low.saturating_sub(8)..=high + 8).contains(&tenths))
                         && any(|sticks| sticks.position == Position::Run)
                 }
                 PilotCommand::Release | PilotCommand::Arm => {

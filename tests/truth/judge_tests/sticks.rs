@@ -43,6 +43,23 @@ fn commands_of_radio_control_are_those_of_its_sticks() {
     with(1, (0.9, Position::Stop, 0, true)).breaks(&[Rule::Sticks]);
 }
 
+/// SBUS has no checksum, and a throttle counts when it is the median of three frames.
+#[test]
+fn two_damaged_frames_of_three_may_agree_on_a_throttle() {
+    let story = |damaged: &[f64]| {
+        flies(&FLIGHT).with(|h| {
+            let command = PilotCommand::Run(Demanded::Throttle(450));
+            h.commanded.push(Commanded { at: micros(33.03), source: PILOT, command });
+            h.commanded.sort_by_key(|each| each.at);
+            h.damaged_sticks = damaged.iter().copied().map(micros).collect();
+        })
+    };
+    story(&[33.016, 33.03]).passes();
+    story(&[33.016]).breaks(&[Rule::Sticks]);
+    story(&[32.95, 33.03]).breaks(&[Rule::Sticks]);
+    story(&[33.03, 33.044]).breaks(&[Rule::Sticks]);
+}
+
 #[test]
 fn a_start_is_a_move_of_the_switch_with_the_stick_at_idle() {
     let with = |place: usize, each: (f64, Position, u32, bool)| {
