@@ -342,7 +342,7 @@ fn end(fault: Fault, plug: &Plug<AnyEcu>) {
     }
 }
 
-fn write_down(history: &mut History, fault: Fault, from: u64, to: u64) {
+pub fn write_down(history: &mut History, fault: Fault, from: u64, to: u64) {
     let add = |spans: &mut Spans| spans.push(from, to);
     match fault {
         Fault::PowerOff => add(&mut history.unpowered),
@@ -353,8 +353,15 @@ fn write_down(history: &mut History, fault: Fault, from: u64, to: u64) {
             add(&mut history.deaf);
         }
         Fault::Stall => {
-            add(&mut history.deaf);
-            history.stalls.push(to);
+            // A reset of the chip frees the transmitter.
+            let freed = history.resets.iter().map(|reset| reset.up).find(|up| (from..to).contains(up));
+            match freed {
+                Some(up) => history.deaf.push(from, up),
+                None => {
+                    history.deaf.push(from, to);
+                    history.stalls.push(to);
+                }
+            }
         }
         Fault::Damage(to_node, to_ecu) => {
             add(&mut history.noise);

@@ -1,6 +1,7 @@
 //! Histories by hand for the judge's rules: doubt, and sources that fall silent.
 
 use super::*;
+use crate::faults::{Fault, write_down};
 
 #[test]
 fn in_doubt_nothing_goes_out_that_could_start_an_engine() {
@@ -263,4 +264,19 @@ fn in_silence_an_engine_that_nothing_shows_is_shut_down() {
     };
     reset(38).breaks_beside(&[Rule::Doubt], &[]);
     reset(45).breaks_beside(&[Rule::Doubt], &[Rule::ShutDown]);
+}
+
+/// A transmitter that hangs is one until it continues; a reset of the chip frees it, and what was on its way then is lost.
+#[test]
+fn a_reset_frees_a_transmitter_that_hangs() {
+    let written = |up: f64| {
+        let mut history = History::new(rules(ZK5));
+        history.resets.push(Reset { down: micros(up - 0.1), up: micros(up), cause: Cause::Watchdog });
+        write_down(&mut history, Fault::Stall, micros(40.0), micros(41.0));
+        (history.deaf.iter().collect::<Vec<_>>(), history.stalls)
+    };
+    assert_eq!(written(40.4), (vec![(micros(40.0), micros(40.4))], vec![]));
+    for before_or_after in [39.9, 41.2] {
+        assert_eq!(written(before_or_after), (vec![(micros(40.0), micros(41.0))], vec![micros(41.0)]));
+    }
 }
