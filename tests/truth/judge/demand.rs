@@ -16,12 +16,15 @@ impl Case<'_> {
     }
 
     /// A pilot moved the stick since the frame before, from a demand that was in force to this one or more. What goes out may be reduced
-    /// because another engine has failed.
-    fn moved(&self, when: u64, at: u64, from: f64, to: f64) -> bool {
+    /// because another engine has failed; when that ends it rises from there.
+    fn moved(&self, when: u64, at: u64, low: f64, risen: f64, to: f64) -> bool {
+        let from = low + risen;
         let failed = self.h.other_failed.touches(at.saturating_sub(10 * SECOND), at + 1);
         let part =
             self.h.rules.when_other_fails.filter(|_| failed).map_or(1.0, |part| f64::from(part) / 1000.0);
-        self.moved_to(when, at, from, to) || self.moved_to(when, at, from / part, to / part)
+        self.moved_to(when, at, from, to)
+            || self.moved_to(when, at, from / part, to / part)
+            || self.moved_to(when, at, low / part, (to - risen) / part)
     }
 
     fn moved_to(&self, when: u64, at: u64, from: f64, to: f64) -> bool {
@@ -120,7 +123,7 @@ impl Case<'_> {
                 let risen = |rate: u32| f64::from(rate) * time as f64 / SECOND as f64 + STEP;
                 let slow = rules.slew_up.is_some_and(|slew| share > low + risen(slew));
                 let fast =
-                    share > low + risen(rules.rise) && !self.moved(when, at, low + risen(rules.rise), share);
+                    share > low + risen(rules.rise) && !self.moved(when, at, low, risen(rules.rise), share);
                 if (slow || fast) && share > idle + STEP {
                     self.verdict.finding(
                         Rule::Rate,

@@ -396,6 +396,28 @@ fn a_demand_is_reduced_while_another_engine_has_failed() {
     story(500).breaks(&[Rule::Reduction]);
 }
 
+/// The stick moves just before another engine's failure ends: what was commanded then goes out reduced at once, and from there it rises.
+#[test]
+fn a_stick_that_moves_before_a_reduction_ends_does_not_hide_a_jump() {
+    let story = |tenths| {
+        flight(ZK5, 40.0)
+            .streams(PILOT, 40.0, 49.97, PilotCommand::Run(Demanded::Throttle(500)))
+            .streams(PILOT, 49.97, 59.5, PilotCommand::Run(Demanded::Throttle(900)))
+            .ramp(40.0, 500, 250)
+            .wire(41.0, 50.0, Sent::Full(Switch::Run, 250))
+            .ramp(50.0, tenths, 900)
+            .wire(51.0, 60.0, Sent::Full(Switch::Run, 900))
+            .turbine(40.0, 60.0, Phase::Running, 80_000.0, 500.0)
+            .with(|h| {
+                h.rules.when_other_fails = Some(500);
+                h.other_down = Spans::from(&[(40 * SECOND, 49_980 * MS)]);
+                h.other_failed = h.other_down.clone();
+            })
+    };
+    story(475).passes();
+    story(560).breaks(&[Rule::Rate]);
+}
+
 #[test]
 fn a_source_that_takes_over_is_held_off() {
     let story = |wait: f64| {
