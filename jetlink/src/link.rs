@@ -225,6 +225,8 @@ pub struct ServiceFrames {
     pub command: bool,
     /// The fuel pump is being closed.
     pub closing_pump: bool,
+    /// The fuel pump was closed, and the ECU still reports its voltage.
+    pub pump_is_open: bool,
 }
 
 /// Settings of a protocol, with its link.

@@ -83,6 +83,7 @@ impl Engine {
         }
         if core::mem::replace(&mut self.armed, false) {
             self.event(Event::Armed(false, origin));
+            self.close_pump_again();
         }
         self.permitted = [false; Origin::ALL.len()];
         self.start_wait = None;
@@ -243,7 +244,7 @@ impl Engine {
             // A refused run must not start the engine later.
             _ => {
                 if matches!(result, Err(Rejected::Start(Interlock::PumpOpen))) {
-                    self.close_pump();
+                    self.close_pump_again();
                 }
                 self.use_up(origin);
             }
@@ -463,7 +464,7 @@ impl Engine {
             unmet(Interlock::NotIdle)?;
         }
         self.steady_link(now).or_else(&mut unmet)?;
-        if self.pump.is_some() || self.link.service_frames().closing_pump {
+        if self.pump_may_be_open() {
             unmet(Interlock::PumpOpen)?;
         }
         if report.faults.is_some_and(|faults| !faults.value.is_empty()) {

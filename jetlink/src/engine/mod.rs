@@ -475,13 +475,26 @@ impl Engine {
         self.start_wait = None;
         self.ended_by_loss = false;
         self.link.release(false);
-        self.close_pump();
+        self.close_pump_again();
     }
 
     fn close_pump(&mut self) {
         if self.pump.take().is_some() {
             self.link.close_pump();
         }
+    }
+
+    /// Closes the pump, also one that was closed and still has a voltage: its frames may have been lost.
+    fn close_pump_again(&mut self) {
+        if self.pump.take().is_some() || self.link.service_frames().pump_is_open {
+            self.link.close_pump();
+        }
+    }
+
+    /// Whether a pump that a service opened is open, or may be.
+    fn pump_may_be_open(&self) -> bool {
+        let frames = self.link.service_frames();
+        self.pump.is_some() || frames.closing_pump || frames.pump_is_open
     }
 
     /// Time at which a pump that a service opened is closed: after its maximum time, or the timeout of its source.

@@ -216,7 +216,7 @@ impl Engine {
             armed: self.armed,
             failed: self.failed,
             link: self.link.record(),
-            pump_open: self.pump.is_some() || self.link.service_frames().closing_pump,
+            pump_open: self.pump_may_be_open(),
             resets,
             arm_commanded: mask(self.arm_commanded),
             must_disarm: mask(self.must_disarm),

@@ -393,7 +393,11 @@ impl Link for ZkLink {
     }
 
     fn service_frames(&self) -> ServiceFrames {
-        ServiceFrames { command: self.service.is_pending(), closing_pump: self.pump.is_pending() }
+        ServiceFrames {
+            command: self.service.is_pending(),
+            closing_pump: self.pump.is_pending(),
+            pump_is_open: self.pump.has_failed(self.status.report.pump),
+        }
     }
 
     fn status(&self) -> &LinkStatus {

@@ -199,6 +199,8 @@ pub(super) enum PumpClosing {
     Due(FramesLeft),
     /// The command is being sent.
     Sending(FramesLeft),
+    /// All were sent, the last one then, and no voltage of zero has confirmed them.
+    Unconfirmed(Instant),
 }
 
 /// Commands that still have to be sent to close the pump.
@@ -215,7 +217,13 @@ impl PumpClosing {
     }
 
     pub const fn is_pending(&self) -> bool {
-        !matches!(self, Self::None)
+        matches!(self, Self::Waiting(_) | Self::Due(_) | Self::Sending(_))
+    }
+
+    /// Everything was sent, and the ECU reports a voltage since.
+    pub fn has_failed(&self, pump: Option<Timed<Reading>>) -> bool {
+        let Self::Unconfirmed(last) = *self else { return false };
+        pump.is_some_and(|pump| pump.value.raw > 0 && pump.at >= last + PUMP_CLOSES_WITHIN)
     }
 
     /// Another order is in force: its first frame is sent before the next command.
@@ -249,7 +257,7 @@ impl PumpClosing {
     pub fn sent(&mut self, now: Instant) {
         let Self::Sending(FramesLeft { count, since }) = *self else { return };
         *self = match count.saturating_sub(1) {
-            0 => Self::None,
+            0 => Self::Unconfirmed(now),
             count => Self::Waiting(FramesLeft { count, since: since.or(Some(now)) }),
         };
     }

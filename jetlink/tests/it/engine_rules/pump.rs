@@ -1,6 +1,7 @@
 //! A pump that was opened is closed.
 
 use super::*;
+use jetlink::command::Interlock;
 
 fn closes(frames: &[Vec<u8>]) -> usize {
     frames.iter().filter(|frame| frame[..] == zk_frames::action(13)).count()
@@ -139,5 +140,38 @@ fn a_service_that_is_repeated_ends_after_its_time() {
         scenario.command(open).unwrap();
         scenario.pass_us(4 * FRAME_PERIOD_US);
         assert!(opened(&mut scenario), "{beside:?}");
+    }
+}
+
+/// "A pump that was opened is closed at any stop, standby, disarm ... and after a reset": also one whose ten ClosePump frames did not
+/// reach the ECU, which its voltage shows. Each of these events sends ten more, and no start is granted before.
+#[test]
+fn a_pump_that_still_has_a_voltage_is_closed_again_at_the_next_event() {
+    // ID 2: the pump's voltage.
+    let reports = |scenario: &mut Scenario, voltage: u8| {
+        for _ in 0..2 {
+            scenario.bench.receive(&zk_frames::status(2, 0, [50, 60, voltage]));
+            scenario.pass_us(FRAME_PERIOD_US);
+        }
+    };
+    for (voltage, again) in [(20, 10), (0, 0)] {
+        for event in [Command::Disarm, Command::EmergencyStop, run(0)] {
+            let mut scenario = pump_open();
+            scenario.command(Command::Standby).unwrap();
+            scenario.pass_us(2 * SECOND);
+            assert_eq!(closes(&scenario.bench.bytes()), 10, "no voltage is reported");
+            reports(&mut scenario, voltage);
+            let refusals = scenario.start_refusals(run(0), Origin::Rc);
+            assert_eq!(refusals.contains(&Rejected::Start(Interlock::PumpOpen)), again > 0, "{refusals:?}");
+            assert_eq!(scenario.bench.machine.record().pump_open, again > 0);
+            scenario.bench.frames();
+            // A streamed standby is no event.
+            scenario.fly_us(Command::Standby, Origin::Rc, 2 * SECOND);
+            assert_eq!(closes(&scenario.bench.bytes()), 0);
+            let answer = scenario.command(event);
+            assert_eq!(answer.is_err(), event == run(0) && again > 0, "{answer:?}");
+            scenario.pass_us(2 * SECOND);
+            assert_eq!(closes(&scenario.bench.bytes()), again, "{event:?} with {voltage}");
+        }
     }
 }
