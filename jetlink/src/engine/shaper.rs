@@ -91,9 +91,16 @@ impl Shaper {
         }
     }
 
-    /// Falls back to the lower demand that was sent before a gap, so that the rest does not jump after it.
+    /// Falls back to the lower demand that was sent before a gap, or the one of the other kind, so that the rest does not jump after
+    /// it.
     pub fn fall_back(&mut self, now: Instant, sent: Demand) {
-        if sent.is_below(self.moving.demand()) {
+        let replaced = match (&self.moving, sent) {
+            (Moving::Throttle(_), Demand::Rpm(_)) => true,
+            // A governor sends a throttle for an rpm.
+            (Moving::Rpm(_), Demand::Throttle(_)) => self.governed.is_none(),
+            _ => sent.is_below(self.moving.demand()),
+        };
+        if replaced {
             self.moving = Moving::new(now, sent);
         }
     }

@@ -67,3 +67,38 @@ fn a_demand_does_not_jump_after_a_transmitter_that_hung() {
         assert_eq!(runs_in(&scenario.sent()).last(), Some(&750), "{ecu:?}");
     }
 }
+
+/// The same when the other kind of demand was sent last: it continues from what the ECU reports, not from where it would be by now.
+#[test]
+fn a_demand_of_another_kind_does_not_jump_after_a_transmitter_that_hung() {
+    for (before, after) in [(rpm(100_000), percent(75)), (percent(25), rpm(120_000))] {
+        let mut scenario = Scenario::started(Ecu::Zk, before);
+        scenario.values.rpm = Some(40_000);
+        scenario.fly_us(Command::Run(before), Origin::Rc, 8 * SECOND);
+        assert_eq!(scenario.order(), Order::Run(before));
+        scenario.bench = scenario.bench.clone().by_hand();
+        let until = |scenario: &mut Scenario, end: u64, sends: bool| {
+            while scenario.now_us() < end {
+                let _ = scenario.command(Command::Run(after));
+                scenario.pass_us(FRAME_PERIOD_US);
+                let now = scenario.now_us();
+                match sends {
+                    _ if !scenario.bench.busy() => {}
+                    true => scenario.bench.sent_at_us(now),
+                    false => scenario.bench.not_sent_at_us(now, NotSent::TimedOut),
+                }
+            }
+        };
+        let hangs = scenario.now_us();
+        until(&mut scenario, hangs + 2 * SECOND, false);
+        until(&mut scenario, hangs + 2_200_000, true);
+        match scenario.order() {
+            // 50 % a second; the ECU reports no throttle, and 40 000 of 160 000 rpm.
+            Order::Run(Demand::Throttle(throttle)) => assert!(throttle.tenths() <= 130, "{throttle:?}"),
+            Order::Run(Demand::Rpm(rpm)) => assert!(rpm.get() <= 61_000, "{rpm:?}"),
+            order => panic!("{order:?}"),
+        }
+        until(&mut scenario, hangs + 5 * SECOND, true);
+        assert_eq!(scenario.order(), Order::Run(after));
+    }
+}
