@@ -159,7 +159,8 @@ pub trait Link {
     fn take_sign(&mut self) -> Option<Sign>;
     /// Sets whether the engine runs, for an ECU whose "run" carries the throttle of a start until then (AMT-14). For every
     /// ECU, the engine keeps the demand at idle until then.
-    fn release(&mut self, _released: bool) {}
+    /// Until then, damaged frames prevent a gap for a shorter time, too ([`Beat::bridge`]).
+    fn release(&mut self, released: bool);
     /// Time at which three expected frames will be missing; `None` before the first frame and after such a gap.
     fn gap_at(&self) -> Option<Instant>;
     /// Whether the ECU expects a reply to each of its frames and is sent nothing else (AMT).
@@ -314,7 +315,7 @@ impl LinkMonitor {
     }
 }
 
-/// Detects gaps in the frames of an ECU. Damaged frames do not count as a gap, for at most 10 s after the last good one:
+/// Detects gaps in the frames of an ECU. Damaged frames do not count as a gap, for a time after the last good one:
 /// bursts of about a frame's length with a pause before each. Continuous babble or a break does.
 #[derive(Clone, Copy, Debug)]
 pub struct Beat {
@@ -325,6 +326,8 @@ pub struct Beat {
     gap_after: Duration,
     /// A longer pause separates two bursts.
     pause: Duration,
+    /// Time after the last good frame for which damaged frames prevent a gap.
+    bridged: Duration,
     last: Option<Instant>,
     good: Option<Instant>,
     last_byte: Option<Instant>,
@@ -332,8 +335,10 @@ pub struct Beat {
     gap: bool,
 }
 
-/// Time after the last good frame for which damaged frames prevent a gap.
+/// Time for which damaged frames prevent a gap of an engine that has reached running.
 const DAMAGED_BEAT_MAX: Duration = Duration::from_secs(10);
+/// The same before that: a start that fails behind them must not begin again on the order to run.
+const DAMAGED_BEAT_MAX_IN_START: Duration = Duration::from_secs(3);
 /// Number of expected frames that have to be missing for a gap.
 const GAP_FRAMES: u32 = 3;
 
@@ -345,6 +350,7 @@ impl Beat {
             line,
             gap_after: Duration::MIN,
             pause: Duration::MIN,
+            bridged: DAMAGED_BEAT_MAX,
             last: None,
             good: None,
             last_byte: None,
@@ -353,6 +359,11 @@ impl Beat {
         };
         beat.expect(interval);
         beat
+    }
+
+    /// Sets for how long damaged frames prevent a gap: less until the engine has reached running.
+    pub const fn bridge(&mut self, reached: bool) {
+        self.bridged = if reached { DAMAGED_BEAT_MAX } else { DAMAGED_BEAT_MAX_IN_START };
     }
 
     /// Changes the interval of frames from now on.
@@ -376,7 +387,7 @@ impl Beat {
         self.burst = before.saturating_add(u8::try_from(count).unwrap_or(u8::MAX));
         // One byte may have been lost in the noise.
         let enough = self.frame_len.saturating_sub(1);
-        let lately = self.good.is_some_and(|good| now < good + DAMAGED_BEAT_MAX);
+        let lately = self.good.is_some_and(|good| now < good + self.bridged);
         if before < enough && self.burst >= enough && lately {
             self.last = Some(now);
             self.gap = false;

@@ -68,6 +68,7 @@ impl Engine {
                 // After a reset only ID 0 is sent: it leaves the PWM input in control without a second hand-over.
                 let resumed = start_by.is_none();
                 let order = if resumed || life.in_doubt().is_some() { Order::Listen } else { Order::Pwm };
+                self.link.release(life.reached());
                 let origin = self.ordered.origin;
                 self.order(now, order, origin);
             }

@@ -427,6 +427,7 @@ impl Link for AmtLink {
 
     fn release(&mut self, released: bool) {
         self.released = released;
+        self.beat.bridge(released);
     }
 
     fn gap_at(&self) -> Option<Instant> {

@@ -353,6 +353,10 @@ impl Link for ZkLink {
         self.sign.take()
     }
 
+    fn release(&mut self, released: bool) {
+        self.beat.bridge(released);
+    }
+
     fn gap_at(&self) -> Option<Instant> {
         self.beat.gap_at()
     }

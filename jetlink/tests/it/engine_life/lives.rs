@@ -548,6 +548,36 @@ fn damaged_frames_are_no_gap_for_10_s_at_most() {
     }
 }
 
+/// A start that fails behind damaged frames must not begin again on the same order: until the engine has reached running they keep the
+/// beat for 3 s, which is longer than the 2 s of noise that a start must survive.
+#[test]
+fn damaged_frames_are_no_gap_for_3_s_at_most_in_a_start() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        scenario.command(run(0)).unwrap();
+        scenario.reports(Reports::Starting).fly_us(run(0), Origin::Rc, 5 * SECOND);
+        let good = scenario.telemetry().last_rx.unwrap().as_micros();
+        let mut frame = report(ecu, if ecu == Ecu::Amt { 0b00010 } else { 2 }, TURNING);
+        if ecu == Ecu::Zk {
+            frame[4] ^= 1;
+        }
+        scenario.silent().sent();
+        let mut last_run = 0;
+        for i in 1..=120 {
+            scenario.run_to_us(good + i * FRAME_PERIOD_US);
+            scenario.command(run(0)).unwrap();
+            if ecu == Ecu::Amt {
+                scenario.bench.machine.line_error(LineError::Framing);
+            }
+            scenario.bench.receive(&frame);
+            if scenario.sent().iter().any(|sent| matches!(sent, Wire::Run(_))) {
+                last_run = i * FRAME_PERIOD_US;
+            }
+        }
+        assert!((2_800_000..=3_000_000 + gap(ecu)).contains(&last_run), "{ecu:?}: until {last_run} µs");
+    }
+}
+
 /// Disarm ends a start that has not reached running, in doubt or not, and never an engine that has reached it.
 #[test]
 fn disarm_ends_a_start_but_not_a_running_engine() {

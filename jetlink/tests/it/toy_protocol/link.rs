@@ -133,6 +133,10 @@ impl Link for ToyLink {
     fn take_sign(&mut self) -> Option<Sign> {
         self.sign.take()
     }
+    fn release(&mut self, released: bool) {
+        self.beat.bridge(released);
+    }
+
     fn gap_at(&self) -> Option<Instant> {
         self.beat.gap_at()
     }
