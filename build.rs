@@ -23,6 +23,7 @@ fn main() {
     let [name] = chosen.as_slice() else {
         panic!("the firmware needs exactly one board-* feature, not {chosen:?}");
     };
+    println!("cargo:rustc-check-cfg=cfg(board_divider)");
     let behind_bootloader = env::var_os("CARGO_FEATURE_ARDUPILOT_BOOTLOADER").is_some();
 
     // memory.x in the package root includes board.x, which the linker finds in the folder added
@@ -38,6 +39,10 @@ fn main() {
             println!("cargo:rustc-env=JETLINK_PORTS={}", board.ports.len());
             println!("cargo:rustc-env=JETLINK_RADIO_PORT={}", board.radio);
             println!("cargo:rustc-env=JETLINK_OUTPUTS={:02}", board.outputs.len());
+            // Only the converter of the H7 is read (src/board/supply.rs).
+            if board.supply.is_some() && board.chip.family == Family::H7 {
+                println!("cargo:rustc-cfg=board_divider");
+            }
             let flash = board.flash(behind_bootloader);
             map(board, flash.unwrap_or_else(|| panic!("{} has no bootloader to keep", board.title)))
         }
@@ -108,6 +113,8 @@ fn code(board: &Board) -> String {
         format!("{} {gpio} {number} {:?} {},", output.pin, output.label, output.low_before)
     });
     line(format!("outputs: [{}],", outputs.collect::<Vec<_>>().join(" ")));
+    let supply = board.supply.map(|supply| format!("{} {}", supply.pin, supply.tenths));
+    line(format!("supply: [{}],", supply.unwrap_or_default()));
     let mode = if board.led.open_drain { "OpenDrain" } else { "PushPull" };
     line(format!("led: {} {} {mode},", board.led.pin, level(board.led.lit)));
     let held = board.held().map(|Hold { pin, level: at, .. }| format!("{pin} {},", level(at)));

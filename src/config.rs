@@ -115,6 +115,10 @@ const fn outputs_of_board() -> u8 {
     }
 }
 
+/// Whether the board's divider measures the supply voltage (`docs/boards.md` has the boards with one). It counts for engines whose ECU
+/// reports none: for the interlock `start.supply_min` and the limit `limits.supply_low`, which are off by default.
+pub const SUPPLY: bool = cfg!(feature = "supply");
+
 /// An active buzzer on an output of the board, which beeps as the status LED flashes ([README](../README.md#the-status-led)), but not
 /// while all is well. For example `Some(OutputPin::high(11))`.
 pub const BUZZER: Option<OutputPin> = None;

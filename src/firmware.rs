@@ -11,6 +11,7 @@
 //! | `drive_outputs`, with outputs | interrupt, above the rest | fuel valves, power of starters and ignitions |
 //! | `log_outputs`, with outputs | thread mode | logs each change of an output and why |
 //! | `played_ecu`, with the feature `play-ecu` | interrupt, above the rest | plays an ECU on the last port |
+//! | `supply`, with a divider | thread mode | measures the supply voltage five times a second |
 //! | `supervisor` | thread mode | feeds the watchdog while every engine's runner works |
 //!
 //! After a reset a running engine resumes, and any other stays in standby. Engines are commanded by MAVLink, by
@@ -32,8 +33,9 @@ use jetlink::indication::{Indication, Pattern};
 use jetlink::node::{Node, NodePlace};
 use jetlink::runner::Runner;
 use jetlink::telemetry::Telemetry;
+use jetlink::units::Millivolts;
 use jetlink::watch::RunnerWatch;
-use jetlink_fw::config::{ENGINES, OUTPUTS, RADIO, TELEMETRY};
+use jetlink_fw::config::{ENGINES, OUTPUTS, RADIO, SUPPLY, TELEMETRY};
 use static_cell::{ConstStaticCell, StaticCell};
 // The sentences that MAVLink sends are in the image: the log takes the same, and not their formats for defmt beside them.
 use defmt::Display2Format as Text;
@@ -127,6 +129,9 @@ fn main() -> ! {
                 }
                 None => spawner.spawn(defmt::unwrap!(radio_pulses(radio))),
             }
+        }
+        if SUPPLY {
+            spawner.spawn(defmt::unwrap!(supply(node)));
         }
         #[cfg(feature = "demo")]
         spawner.spawn(defmt::unwrap!(demonstration(node)));
@@ -361,6 +366,19 @@ async fn radio_control(radio: &'static Radio, port: EcuPort) {
 #[embassy_executor::task]
 async fn radio_pulses(radio: &'static Radio) {
     crate::radio::serve_pulses(radio).await
+}
+
+/// The board's supply voltage, for ECUs that report none.
+#[embassy_executor::task]
+async fn supply(node: &'static Node<N>) {
+    const { assert!(!SUPPLY || board::supply::IS_THERE, "this board has no divider that measures its supply") };
+    let mut supply = board::supply::Supply::begin();
+    let mut ticker = Ticker::every(Duration::from_millis(200));
+    loop {
+        let voltage = Millivolts::new(supply.millivolts());
+        node.handles().iter().for_each(|handle| handle.board_supply(voltage));
+        ticker.next().await;
+    }
 }
 
 #[embassy_executor::task]

@@ -23,6 +23,8 @@ pub struct Board {
     pub radio: u8,
     /// Pins for fuel valves and for the power of starters and ignitions, by number, from 0.
     pub outputs: &'static [Output],
+    /// Divider of the supply in front of an analogue input.
+    pub supply: Option<Divider>,
     /// Status LED.
     pub led: Led,
     /// Pins that are driven from the start on.
@@ -245,6 +247,17 @@ pub(crate) const TELEMETRY_RTS: &str = "RTS of the port of MAVLink: ready";
 pub enum Level {
     Low,
     High,
+}
+
+/// An analogue input of the ADC that measures the supply.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Divider {
+    /// Pin, an input of ADC1.
+    pub pin: &'static str,
+    /// Supply voltage to voltage at the pin, in tenths.
+    pub tenths: u32,
+    /// Which voltage it is.
+    pub label: &'static str,
 }
 
 /// A status LED.

@@ -26,6 +26,7 @@ pub static BOARD: Board = Board {
     // PWM(1) to PWM(6) of hwdef.inc are known, but a level shifter that PB4 switches (PWM_VOLT_SEL) lies between them and their
     // sockets. What it puts out while its input floats is not known, and no pull-down at the socket reaches that input.
     outputs: &[],
+    supply: None,
     led: Led { pin: "PE12", lit: Level::Low, open_drain: true, label: "amber, on the cube" },
     hold: &[
         low("PA8", "nVDD_5V_PERIPH_EN: 5 V on the sockets"),

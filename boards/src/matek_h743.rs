@@ -5,7 +5,9 @@
 //! (`boards/matek/h743*/nuttx-config/include/board.h`; that of -MINI was not at hand). The pads bear the number of the UART.
 
 use crate::board::Before::{Floats, Listens};
-use crate::board::{Board, Bootloader, Clock, Led, Level, Output, Port, STM32H743VI, TELEMETRY_RTS, low};
+use crate::board::{
+    Board, Bootloader, Clock, Divider, Led, Level, Output, Port, STM32H743VI, TELEMETRY_RTS, low,
+};
 
 pub static BOARD: Board = Board {
     name: "matek-h743",
@@ -42,6 +44,8 @@ pub static BOARD: Board = Board {
         Output::new("PE5", "pad S11"),
         Output::new("PE6", "pad S12"),
     ],
+    // BATT_VOLTAGE_SENS and HAL_BATT_VOLT_SCALE in hwdef.dat.
+    supply: Some(Divider { pin: "PC0", tenths: 110, label: "the battery's, pad Vbat" }),
     led: Led { pin: "PE3", lit: Level::Low, open_drain: false, label: "blue, marked ACT" }, // the green one is PE4
     hold: &[low("PE9", TELEMETRY_RTS)],
 };

@@ -37,6 +37,7 @@ pub static BOARD: Board = Board {
         Output::low_before("PA0", "FMU PWM OUT 7"),
         Output::low_before("PA1", "FMU PWM OUT 8"),
     ],
+    supply: None,
     led: Led { pin: "PD11", lit: Level::Low, open_drain: true, label: "blue" }, // red is PD10
     hold: &[
         low("PC10", "nVDD_5V_HIPOWER_EN: 5 V on the sockets"),

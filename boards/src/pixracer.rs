@@ -41,6 +41,7 @@ pub static BOARD: Board = Board {
         Output::new("PD13", "servo output 5"),
         Output::new("PD14", "servo output 6"),
     ],
+    supply: None,
     led: Led { pin: "PB1", lit: Level::Low, open_drain: true, label: "green" }, // red is PB11, blue is PB3
     hold: &[
         high("PC5", "VDD_PERIPH_EN: 5 V on the ports' sockets"),

@@ -1,6 +1,6 @@
 //! The boards in the rest of the repository, compared with the table.
 
-use boards::{BOARDS, Before, Board, Clock};
+use boards::{BOARDS, Before, Board, Clock, Divider};
 
 const CARGO: &str = include_str!("../../Cargo.toml");
 const README: &str = include_str!("../../README.md");
@@ -51,7 +51,8 @@ fn names_ports_and_pins_are_there_once() {
         let pins = ports.iter().flat_map(|port| [port.rx, port.tx]);
         let held: Vec<_> = board.held().map(|hold| hold.pin).collect();
         let outputs = board.outputs.iter().map(|output| output.pin);
-        unique("pins", pins.chain([board.led.pin]).chain(held).chain(outputs).collect());
+        let supply = board.supply.map(|supply| supply.pin);
+        unique("pins", pins.chain([board.led.pin]).chain(held).chain(outputs).chain(supply).collect());
         // src/config.rs has at most one digit for them.
         assert!((1..=9).contains(&board.ports.len()), "{}", board.name);
         unique("outputs", board.outputs.iter().map(|output| output.label).collect());
@@ -151,6 +152,11 @@ fn section(board: &Board) -> String {
     let lines = if board.chip.family.inverts() { "SBUS or CRSF" } else { "CRSF, or SBUS behind an inverter" };
     rows += &format!("\nReceiver of radio control: port {}, {} ({lines}).\n", board.radio, radio.label);
     rows += &outputs(board);
+    if let Some(Divider { pin, tenths, label }) = board.supply {
+        let (whole, tenth) = (tenths / 10, tenths % 10);
+        rows +=
+            &format!("\nSupply voltage for ECUs that report none: {label}, {whole}.{tenth}:1 at {pin}.\n");
+    }
     if board.held().next().is_some() {
         rows += "\nDriven from the start on:\n\n";
         for hold in board.held() {

@@ -12,7 +12,7 @@ use crate::engine::retained::{Reset, RetainedMemory};
 use crate::event::Event;
 use crate::setting::SettingId;
 use crate::telemetry::Telemetry;
-use crate::units::Hectopascals;
+use crate::units::{Hectopascals, Millivolts};
 use core::cell::RefCell;
 use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 use embassy_sync::blocking_mutex::Mutex;
@@ -338,6 +338,13 @@ impl<'a> Handle<'a> {
     pub fn pressure(&self, pressure: Hectopascals) {
         let now = self.now();
         self.channel.with(|engine| engine.pressure(now, pressure));
+    }
+
+    /// Sets the supply voltage that the board measures, several times a second. It counts where the ECU reports none.
+    pub fn board_supply(&self, voltage: Millivolts) {
+        let now = self.now();
+        self.channel.with(|engine| engine.board_supply(now, voltage));
+        self.channel.wake.signal(());
     }
 
     /// A snapshot of the engine.

@@ -5,6 +5,7 @@ use crate::engine::state::EngineState;
 use crate::event::LossStage;
 use crate::indication::Indication;
 use crate::report::{Counters, LinkState, Report, Timed};
+use crate::units::Millivolts;
 use embassy_time::{Duration, Instant};
 
 /// Largest age of a current value, 3 s.
@@ -27,6 +28,8 @@ pub struct Telemetry {
     pub state: EngineState,
     /// Report of the ECU.
     pub report: Report,
+    /// Supply voltage: the ECU's, or the board's where the ECU reports none.
+    pub supply: Option<Timed<Millivolts>>,
     /// Order in force, and its origin.
     pub ordered: Ordered,
     /// Whether the reports of the ECU match the order; see [`crate::event::Event::NotObeyed`].

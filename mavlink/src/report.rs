@@ -145,7 +145,7 @@ pub(crate) fn efi_status(place: usize, telemetry: &Telemetry) -> EFI_STATUS_DATA
     let rpm = telemetry.current(report.rpm).map(|rpm| rpm.get());
     let egt = telemetry.current(report.egt).map_or(0.0, |egt| f32::from(egt.tenths()) / 10.0);
     let throttle = telemetry.current(report.throttle).map_or(0.0, |it| f32::from(it.tenths()) / 10.0);
-    let volts = telemetry.current(report.supply).and_then(|supply| supply.voltage);
+    let volts = telemetry.current(telemetry.supply);
     // 0 is "not known" in this field, and 0.0001 is 0 V.
     let volts = volts.map_or(0.0, |volts| (volts.get() as f32 / 1000.0).max(0.0001));
     let healthy = telemetry.link == LinkState::Up && !telemetry.failed && !faulty(telemetry);

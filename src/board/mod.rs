@@ -47,6 +47,7 @@ mod stm32;
 mod stm32f4;
 #[cfg(feature = "stm32h7")]
 mod stm32h7;
+pub mod supply;
 #[cfg(feature = "stm32")]
 mod table;
 #[cfg(feature = "stm32")]

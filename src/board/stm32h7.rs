@@ -16,7 +16,7 @@ use embassy_stm32::{
     interrupt::Interrupt,
     pac::{
         self, DBGMCU, PWR, RCC,
-        rcc::vals::{Rtcsel, Sw},
+        rcc::vals::{Adcsel, Rtcsel, Sw},
         usart::Usart,
     },
     peripherals,
@@ -131,6 +131,10 @@ pub fn clocks(oscillator: Oscillator, hse: Hse) -> Config {
     config.rcc.apb3_pre = APBPrescaler::DIV2;
     config.rcc.apb4_pre = APBPrescaler::DIV2;
     config.rcc.voltage_scale = VoltageScale::Scale1;
+    if jetlink_fw::config::SUPPLY {
+        // From the internal oscillator: the PLL that the ADC has by default does not run.
+        config.rcc.mux.adcsel = Adcsel::PER;
+    }
     config
 }
 

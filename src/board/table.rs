@@ -12,6 +12,7 @@ macro_rules! board {
         inverts: $inverts:literal,
         uarts: [$($each:ident $rx:ident $tx:ident,)*],
         outputs: [$($out:ident $out_gpio:ident $out_number:literal $out_label:literal $out_low:literal,)*],
+        supply: [$($supply:ident $tenths:literal)?],
         led: $led:ident $lit:ident $drive:ident,
         hold: [$($held:ident $level:ident,)*],
         watchdog: $watchdog:ident,
@@ -44,6 +45,16 @@ macro_rules! board {
 
         /// Their pins.
         pub const OUTPUT_PINS: &[(Gpio, usize)] = &[$((pac::$out_gpio, $out_number)),*];
+
+        /// The divider of the supply.
+        $(
+            pub mod divider {
+                pub use embassy_stm32::peripherals::$supply as Pin;
+
+                /// Supply voltage to voltage at the pin, in tenths.
+                pub const TENTHS: u32 = $tenths;
+            }
+        )?
 
         /// The TX pins of `PORTS`, as `init` gives them to the UARTs.
         #[cfg(feature = "selftest")]
@@ -109,6 +120,7 @@ macro_rules! board {
             // Taken permanently: a pin that occurs twice in the table does not build.
             let _taken = ($((p.$each, p.$rx, p.$tx)),*);
             let _outputs = ($(p.$out,)*);
+            $(let _supply = p.$supply;)?
             let openers: [Opener; PORTS.len()] = [$(openers::$uart),*];
             let mut place = 0;
             let mut opened = [const { None }; PORTS.len()];

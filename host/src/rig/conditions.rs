@@ -91,8 +91,8 @@ pub fn of_start(detail: &Detail) -> Vec<Condition> {
     });
     if let Some(least) = rules.supply_min {
         let least = format!(", least {} mV", least.get());
-        let supply = report.supply.and_then(|supply| supply.value.voltage);
-        let text = supply.map_or_else(|| "not reported".to_owned(), |supply| format!("{} mV", supply.get()));
+        let supply = telemetry.supply.map(|supply| supply.value.get());
+        let text = supply.map_or_else(|| "not reported".to_owned(), |supply| format!("{supply} mV"));
         add("supply", Some(format!("{text}{least}")), least, |why| {
             matches!(why, Rejected::Start(Interlock::SupplyLow(_)))
         });

@@ -474,8 +474,7 @@ impl Engine {
             unmet(Interlock::NotStandby)?;
         }
         self.cold(now).or_else(&mut unmet)?;
-        if let (Some(least), Some(supply)) =
-            (rules.supply_min, report.supply.and_then(|supply| supply.value.voltage))
+        if let (Some(least), Some(supply)) = (rules.supply_min, self.supply().map(|supply| supply.value))
             && supply < least
         {
             unmet(Interlock::SupplyLow(supply))?;

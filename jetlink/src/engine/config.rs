@@ -62,7 +62,7 @@ settings! {
         link_stable: ms "START_LINK" = 1000 in 0..=60_000, "Time for which the link has to be up without a gap.";
         idle_band: throttle "START_IDLE" = 20 in 0..=1000, "Highest throttle of a demand that starts the engine.";
         egt_max: celsius "START_EGT" = 1000 in -32_768..=32_767, "Highest exhaust temperature; a hot engine has to cool first. Below −40 °C or above 1100 °C the thermocouple counts as broken and the temperature as unknown.";
-        supply_min: millivolts_or_off "START_SUPPLY" = -1 in 0..=1_000_000, "Lowest supply voltage, as last reported by the ECU. Off: not checked.";
+        supply_min: millivolts_or_off "START_SUPPLY" = -1 in 0..=1_000_000, "Lowest supply voltage, as last reported by the ECU, or measured by the board where the ECU reports none. Off: not checked.";
         timeout: ms "START_TIMEOUT" = 120_000 in 5000..=600_000, "Time from the start to a running engine, unless the ECU reports its own start-up time: then twice that, within the same range.";
         gap: ms "START_GAP" = 10_000 in 0..=600_000, "Time between the starts of two engines of a group.";
     }

@@ -8,7 +8,7 @@ use super::config::Limits;
 use crate::limit::Action;
 use crate::limit::{LimitKind, LimitViolation};
 use crate::report::{Phase, Report, Timed};
-use crate::units::{Celsius, Rpm};
+use crate::units::{Celsius, Millivolts, Rpm};
 use embassy_time::{Duration, Instant};
 use heapless::Deque;
 
@@ -143,12 +143,13 @@ impl LimitMonitor {
         .max_by_key(|(_, action)| *action)
     }
 
-    /// Checks new values in the ECU's report. `lowered`: when the demand was last lowered; `now` without an order to run. `found`
+    /// Checks new values in the ECU's report, and of the supply. `lowered`: when the demand was last lowered; `now` without an order to run. `found`
     /// gets each violation that is confirmed.
     pub fn observe(
         &mut self,
         now: Instant,
         report: &Report,
+        supply: Option<Timed<Millivolts>>,
         lowered: Instant,
         found: &mut dyn FnMut(LimitViolation),
     ) {
@@ -165,9 +166,10 @@ impl LimitMonitor {
             self.egt_filtered = Some(self.egt_last.map_or(egt.value, |last| last.max(egt.value)));
             self.egt_last = Some(egt.value);
         }
-        if let Some(supply) = report.supply.filter(|supply| self.supply_seen != Some(supply.at)) {
+        if let Some(supply) = supply.filter(|supply| self.supply_seen != Some(supply.at)) {
             self.supply_seen = Some(supply.at);
-            if let (Some(limit), Some(voltage)) = (self.limits.supply_low.at, supply.value.voltage) {
+            if let Some(limit) = self.limits.supply_low.at {
+                let voltage = supply.value;
                 let violation = LimitViolation::new(LimitKind::SupplyLow, voltage.get(), limit.get(), now);
                 let confirmed = self
                     .supply_low

@@ -22,17 +22,20 @@ mod exhaust;
 mod governor;
 mod life;
 mod lives;
+mod pump;
 mod ramp;
 mod reset;
 mod run;
 mod sending;
 mod shaper;
 mod sources;
+mod supply;
 
 use self::config::{START_TIMEOUT_MAX, START_TIMEOUT_MIN, Supervision};
 use self::exhaust::Exhaust;
 use self::life::{Finding, Life};
 use self::limits::LimitMonitor;
+use self::pump::OpenPump;
 use self::retained::RetainedState;
 use self::run::{Arbitration, Run};
 use self::shaper::{Lowered, Shaper};
@@ -46,9 +49,9 @@ use crate::event::{Event, LossStage};
 use crate::limit::{Action, LimitKind, LimitViolation};
 use crate::line::{Line, LineError};
 use crate::link::{Link, Output, Stage, earlier};
-use crate::report::{LinkState, NotSent, Phase, bump};
+use crate::report::{LinkState, NotSent, Phase, Timed, bump};
 use crate::telemetry::Telemetry;
-use crate::units::Hectopascals;
+use crate::units::{Hectopascals, Millivolts};
 use embassy_time::{Duration, Instant};
 use heapless::Deque;
 
@@ -108,15 +111,6 @@ struct StartWait {
     until: Instant,
 }
 
-/// A service command that may have opened the fuel pump.
-#[derive(Clone, Copy, Debug)]
-struct OpenPump {
-    origin: Origin,
-    /// Last command of its source.
-    last_rx: Instant,
-    until: Instant,
-}
-
 /// Services that move fuel or heat, repeated without a pause. They share one time, so that a stream of them has an end.
 #[derive(Clone, Copy, Debug)]
 struct FuelService {
@@ -148,6 +142,8 @@ pub struct Engine {
     /// Last time at which three expected frames were missing or the ECU reported its power-up: it may have restarted.
     last_gap: Option<Instant>,
     pump: Option<OpenPump>,
+    /// Supply voltage that the board measures.
+    board_supply: Option<Timed<Millivolts>>,
     fuel_service: Option<FuelService>,
     /// The last stage of loss ended the run.
     ended_by_loss: bool,
@@ -214,6 +210,7 @@ impl Engine {
             last_start: None,
             last_gap: None,
             pump: None,
+            board_supply: None,
             fuel_service: None,
             ended_by_loss: false,
             failed: false,
@@ -416,6 +413,7 @@ impl Engine {
             last_rx: self.link.status().last_rx,
             state: EngineState::of(now, self.link.status().state, &self.link.status().report),
             report: self.link.status().report,
+            supply: self.supply(),
             ordered: self.ordered,
             obeyed: !self.not_obeyed,
             active_source,
@@ -476,34 +474,6 @@ impl Engine {
         self.ended_by_loss = false;
         self.link.release(false);
         self.close_pump_again();
-    }
-
-    fn close_pump(&mut self) {
-        if self.pump.take().is_some() {
-            self.link.close_pump();
-        }
-    }
-
-    /// Closes the pump, also one that was closed and still has a voltage: its frames may have been lost.
-    fn close_pump_again(&mut self) {
-        if self.pump.take().is_some() || self.link.service_frames().pump_is_open {
-            self.link.close_pump();
-        }
-    }
-
-    /// Whether a pump that a service opened is open, or may be.
-    fn pump_may_be_open(&self) -> bool {
-        let frames = self.link.service_frames();
-        self.pump.is_some() || frames.closing_pump || frames.pump_is_open
-    }
-
-    /// Time at which a pump that a service opened is closed: after its maximum time, or the timeout of its source.
-    fn pump_ends(&self) -> Option<Instant> {
-        let pump = self.pump?;
-        let last_rx =
-            self.sources.last_commanded(pump.origin).map_or(pump.last_rx, |at| at.max(pump.last_rx));
-        let silent = last_rx.checked_add(self.config.timeouts.of(pump.origin)).unwrap_or(Instant::MAX);
-        Some(silent.min(pump.until))
     }
 
     /// Orders a run: a start, or the resumption of a running engine.
@@ -750,8 +720,9 @@ impl Engine {
             Mode::Run(run) => run.lowered.at(),
             _ => now,
         };
+        let supply = self.supply();
         let (events, dropped) = (&mut self.events, &mut self.events_dropped);
-        self.limits.observe(now, &self.link.status().report, lowered, &mut |violation| {
+        self.limits.observe(now, &self.link.status().report, supply, lowered, &mut |violation| {
             queue(events, dropped, Event::Limit(violation));
         });
         let not_obeyed = !self.obeys(now);

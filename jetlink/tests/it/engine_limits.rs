@@ -332,6 +332,38 @@ fn a_low_supply_is_reported_where_a_limit_is_set() {
     }
 }
 
+/// A board that measures its supply stands in for an ECU that reports none, and for no other.
+#[test]
+fn the_supply_of_the_board_counts_where_the_ecu_reports_none() {
+    for (reported, counts) in [(None, true), (Some(120), false)] {
+        let measured = |scenario: &mut Scenario, millivolts: u32| {
+            let now = at_us(scenario.now_us());
+            scenario.bench.machine.board_supply(now, Millivolts::new(millivolts));
+            scenario.pass_us(100_000);
+        };
+        let config = Ecu::Zk.with(|s| {
+            s.start.supply_min = Some(Millivolts::new(10_500));
+            s.limits.supply_low = Limit::report(Millivolts::new(10_000));
+        });
+        let mut scenario = Scenario::ready(Ecu::Zk, config);
+        if let Some(tenths) = reported {
+            scenario.bench.receive(&zk_frames::status(2, 0, [0, tenths, 0]));
+        }
+        measured(&mut scenario, 10_400);
+        let low = Rejected::Start(Interlock::SupplyLow(Millivolts::new(10_400)));
+        assert_eq!(scenario.start_refusals(run(0), Origin::Rc).contains(&low), counts);
+        let shown = scenario.telemetry().supply.unwrap().value.get();
+        assert_eq!(shown, if counts { 10_400 } else { 24_000 });
+        measured(&mut scenario, 10_500);
+        assert_eq!(scenario.start_refusals(run(0), Origin::Rc), []);
+        // The limit takes two values in a row, as it does of an ECU.
+        for (millivolts, expected) in [(9900, 0), (10_100, 0), (9900, 0), (9900, usize::from(counts))] {
+            measured(&mut scenario, millivolts);
+            assert_eq!(scenario.limits(), vec![LimitKind::SupplyLow; expected], "{millivolts} mV");
+        }
+    }
+}
+
 /// A fault that the ECU reports, in two reports in a row; the event carries its number.
 #[test]
 fn a_fault_of_the_ecu_is_reported_after_two_reports_with_its_number() {

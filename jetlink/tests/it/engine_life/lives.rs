@@ -557,7 +557,8 @@ fn damaged_frames_are_no_gap_for_3_s_at_most_in_a_start() {
         scenario.command(run(0)).unwrap();
         scenario.reports(Reports::Starting).fly_us(run(0), Origin::Rc, 5 * SECOND);
         let good = scenario.telemetry().last_rx.unwrap().as_micros();
-        let mut frame = report(ecu, if ecu == Ecu::Amt { 0b00010 } else { 2 }, TURNING);
+        // AMT 00010 and ZK 2: starting.
+        let mut frame = report(ecu, 2, TURNING);
         if ecu == Ecu::Zk {
             frame[4] ^= 1;
         }
