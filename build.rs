@@ -1,7 +1,7 @@
 //! Prepares the firmware for the chosen board: its part of the table (`boards/`) as typed code, the memory map, and the
 //! linker scripts of cortex-m-rt and defmt. Builds for the host, and of the library alone, need nothing of this.
 
-use boards::{Board, Clock, Family, Hold, Level, Region};
+use boards::{Board, Clock, Family, Fram, Hold, Level, Region};
 use std::fmt::Write;
 use std::{env, fs, path::Path};
 
@@ -115,6 +115,11 @@ fn code(board: &Board) -> String {
     line(format!("outputs: [{}],", outputs.collect::<Vec<_>>().join(" ")));
     let supply = board.supply.map(|supply| format!("{} {}", supply.pin, supply.tenths));
     line(format!("supply: [{}],", supply.unwrap_or_default()));
+    let fram = board.fram.map(|fram| {
+        let Fram { spi, sck, miso, mosi, select } = fram;
+        format!("{spi} {sck} {miso} {mosi} {select}")
+    });
+    line(format!("fram: [{}],", fram.unwrap_or_default()));
     let mode = if board.led.open_drain { "OpenDrain" } else { "PushPull" };
     line(format!("led: {} {} {mode},", board.led.pin, level(board.led.lit)));
     let held = board.held().map(|Hold { pin, level: at, .. }| format!("{pin} {},", level(at)));

@@ -25,6 +25,8 @@ pub struct Board {
     pub outputs: &'static [Output],
     /// Divider of the supply in front of an analogue input.
     pub supply: Option<Divider>,
+    /// Memory for settings, if not the chip's own flash.
+    pub fram: Option<Fram>,
     /// Status LED.
     pub led: Led,
     /// Pins that are driven from the start on.
@@ -216,6 +218,28 @@ impl Output {
     /// A pin that the bootloader drives low.
     pub(crate) const fn low_before(pin: &'static str, label: &'static str) -> Self {
         Self { low_before: true, ..Self::new(pin, label) }
+    }
+}
+
+/// An F-RAM on SPI. Which chip it is, the firmware reads from it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Fram {
+    /// SPI.
+    pub spi: &'static str,
+    /// Clock.
+    pub sck: &'static str,
+    /// Data from the chip.
+    pub miso: &'static str,
+    /// Data to the chip.
+    pub mosi: &'static str,
+    /// Selects the chip while it is low.
+    pub select: &'static str,
+}
+
+impl Fram {
+    /// Its pins.
+    pub fn pins(&self) -> [&'static str; 4] {
+        [self.sck, self.miso, self.mosi, self.select]
     }
 }
 

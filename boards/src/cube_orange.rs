@@ -27,6 +27,8 @@ pub static BOARD: Board = Board {
     // sockets. What it puts out while its input floats is not known, and no pull-down at the socket reaches that input.
     outputs: &[],
     supply: None,
+    // It has one on SPI2, but its supply may be that of the sensors, which is off here.
+    fram: None,
     led: Led { pin: "PE12", lit: Level::Low, open_drain: true, label: "amber, on the cube" },
     hold: &[
         low("PA8", "nVDD_5V_PERIPH_EN: 5 V on the sockets"),

@@ -46,6 +46,7 @@ pub static BOARD: Board = Board {
     ],
     // BATT_VOLTAGE_SENS and HAL_BATT_VOLT_SCALE in hwdef.dat.
     supply: Some(Divider { pin: "PC0", tenths: 110, label: "the battery's, pad Vbat" }),
+    fram: None,
     led: Led { pin: "PE3", lit: Level::Low, open_drain: false, label: "blue, marked ACT" }, // the green one is PE4
     hold: &[low("PE9", TELEMETRY_RTS)],
 };

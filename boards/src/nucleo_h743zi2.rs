@@ -35,6 +35,7 @@ pub static BOARD: Board = Board {
         Output::new("PE15", "D37"),
     ],
     supply: None,
+    fram: None,
     led: Led { pin: "PB0", lit: Level::High, open_drain: false, label: "green, LD1" },
     hold: &[],
 };

@@ -5,7 +5,9 @@
 //! on TELEM1 and leaves the other TX pins floating; this table describes ArduPilot's, which is the worse one.
 
 use crate::board::Before::{DrivenLow, Listens};
-use crate::board::{Board, Bootloader, Clock, Led, Level, Output, Port, STM32H743VI, TELEMETRY_RTS, low};
+use crate::board::{
+    Board, Bootloader, Clock, Fram, Led, Level, Output, Port, STM32H743VI, TELEMETRY_RTS, high, low,
+};
 
 pub static BOARD: Board = Board {
     name: "pixhawk-6c",
@@ -38,11 +40,14 @@ pub static BOARD: Board = Board {
         Output::low_before("PA1", "FMU PWM OUT 8"),
     ],
     supply: None,
+    fram: Some(Fram { spi: "SPI2", sck: "PD3", miso: "PC2", mosi: "PC3", select: "PD4" }),
     led: Led { pin: "PD11", lit: Level::Low, open_drain: true, label: "blue" }, // red is PD10
     hold: &[
         low("PC10", "nVDD_5V_HIPOWER_EN: 5 V on the sockets"),
         low("PE2", "nVDD_5V_PERIPH_EN: 5 V on the sockets"),
         low("PB9", "HEATER_EN: the heater of the IMU is off"),
         low("PE9", TELEMETRY_RTS),
+        // Which supply the F-RAM has is not in hwdef.dat. ArduPilot reads it with this one on.
+        high("PB2", "VDD_3V3_SENSORS1_EN: supply of the sensors, and maybe of the F-RAM"),
     ],
 };

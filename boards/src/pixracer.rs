@@ -9,7 +9,7 @@
 
 use crate::board::Before::{Floats, Listens};
 use crate::board::{
-    Board, Bootloader, Clock, Led, Level, Output, Port, STM32F427VI, TELEMETRY_RTS, high, low,
+    Board, Bootloader, Clock, Fram, Led, Level, Output, Port, STM32F427VI, TELEMETRY_RTS, high, low,
 };
 
 pub static BOARD: Board = Board {
@@ -42,11 +42,15 @@ pub static BOARD: Board = Board {
         Output::new("PD14", "servo output 6"),
     ],
     supply: None,
+    // SCK was PB13 on beta boards (hwdef.dat).
+    fram: Some(Fram { spi: "SPI2", sck: "PB10", miso: "PB14", mosi: "PB15", select: "PD10" }),
     led: Led { pin: "PB1", lit: Level::Low, open_drain: true, label: "green" }, // red is PB11, blue is PB3
     hold: &[
         high("PC5", "VDD_PERIPH_EN: 5 V on the ports' sockets"),
         low("PE5", "8266_PD: a WiFi module is off"),
         low("PE6", "8266_RST: it stays off its port's RX"),
         low("PD4", TELEMETRY_RTS),
+        high("PE3", "VDD_SENSORS_EN: supply of the sensors and of the F-RAM"),
+        high("PD7", "BARO_CS: the barometer is off the bus of the F-RAM"),
     ],
 };

@@ -1,6 +1,6 @@
 //! The boards in the rest of the repository, compared with the table.
 
-use boards::{BOARDS, Before, Board, Clock, Divider};
+use boards::{BOARDS, Before, Board, Clock, Divider, Fram};
 
 const CARGO: &str = include_str!("../../Cargo.toml");
 const README: &str = include_str!("../../README.md");
@@ -32,6 +32,8 @@ fn each_board_has_its_feature_and_nothing_else_has_one() {
         assert!(enables.contains(&family), "board-{name} = [{enables} lacks {family}");
         let embassy = format!("\"embassy-stm32/{}\"", chip.feature);
         assert!(enables.contains(&embassy), "board-{name} = [{enables} lacks {embassy}");
+        let fram = Board::by_name(name).expect("compared above").fram.is_some();
+        assert_eq!(enables.contains("\"fram\""), fram, "board-{name} = [{enables}: fram");
     }
 }
 
@@ -52,7 +54,9 @@ fn names_ports_and_pins_are_there_once() {
         let held: Vec<_> = board.held().map(|hold| hold.pin).collect();
         let outputs = board.outputs.iter().map(|output| output.pin);
         let supply = board.supply.map(|supply| supply.pin);
-        unique("pins", pins.chain([board.led.pin]).chain(held).chain(outputs).chain(supply).collect());
+        let fram = board.fram.iter().flat_map(|fram| fram.pins());
+        let driven = [board.led.pin].into_iter().chain(held).chain(outputs);
+        unique("pins", pins.chain(driven).chain(supply).chain(fram).collect());
         // src/config.rs has at most one digit for them.
         assert!((1..=9).contains(&board.ports.len()), "{}", board.name);
         unique("outputs", board.outputs.iter().map(|output| output.label).collect());
@@ -156,6 +160,12 @@ fn section(board: &Board) -> String {
         let (whole, tenth) = (tenths / 10, tenths % 10);
         rows +=
             &format!("\nSupply voltage for ECUs that report none: {label}, {whole}.{tenth}:1 at {pin}.\n");
+    }
+    if let Some(fram) = board.fram {
+        let Fram { spi, sck, miso, mosi, select } = fram;
+        rows += &format!(
+            "\nSettings: in its F-RAM, on {spi} (SCK {sck}, MISO {miso}, MOSI {mosi}), selected by {select}.\n"
+        );
     }
     if board.held().next().is_some() {
         rows += "\nDriven from the start on:\n\n";

@@ -4,7 +4,8 @@
 //! - No fault, no panic, no error in the log, and no reset but the expected ones.
 //! - Every byte took exactly its time at the line's baud rate and stop bits. The emulated UART carries bytes
 //!   at any rate, so nothing else would show a wrong one.
-//! - The pins of every port in use are given to their UART. The emulated UART does not look at them.
+//! - The pins of every port in use are given to their UART, those of an F-RAM to their SPI. The emulated ones do not look at
+//!   them.
 
 use crate::board::{Board, Pin};
 use crate::report::Report;
@@ -128,6 +129,7 @@ fn byte_times(board: &Board, port: &str, wire: &Wire) -> Vec<String> {
 
 fn pins(report: &mut Report) -> Vec<String> {
     let (board, at) = (report.board, report.at);
+    let fram_in_use = report.logged("settings: in an F-RAM");
     let used: Vec<_> = report.wires().map(|(port, _)| port).collect();
     let mut complaints = Vec::new();
     let mut read = |pin: Pin, offset: u64, bits: u64, of: u64| {
@@ -135,25 +137,25 @@ fn pins(report: &mut Report) -> Vec<String> {
         let word = report.session.board_mut().peek(at, gpio + offset);
         word.map(|word| word >> (bits * of) & ((1 << bits) - 1))
     };
-    let ports = board.ports.iter().chain([&board.telemetry]);
-    for port in ports.filter(|port| used.contains(&port.name)) {
-        for pin in [port.rx, port.tx] {
-            let number = u64::from(pin.number);
-            let mode = read(pin, 0x00, 2, number); // MODER: 2 is "alternate function"
-            let function = read(pin, 0x20 + 4 * (number / 8), 4, number % 8); // AFRL, AFRH
-            if mode != Some(2) || function != Some(pin.function.into()) {
-                let number_of =
-                    |field: Option<u64>| field.map_or("unknown".to_owned(), |field| field.to_string());
-                complaints.push(format!(
-                    "{}: P{}{} is in mode {} with function {}, not 2 with {}",
-                    port.name,
-                    pin.port,
-                    pin.number,
-                    number_of(mode),
-                    number_of(function),
-                    pin.function
-                ));
-            }
+    let ports = board.ports.iter().chain([&board.telemetry]).filter(|port| used.contains(&port.name));
+    let ports = ports.flat_map(|port| [(port.name, port.rx), (port.name, port.tx)]);
+    let fram = board.fram.filter(|_| fram_in_use);
+    let fram = fram.iter().flat_map(|fram| fram.pins).map(|pin| ("F-RAM", pin));
+    for (name, pin) in ports.chain(fram) {
+        let number = u64::from(pin.number);
+        let mode = read(pin, 0x00, 2, number); // MODER: 2 is "alternate function"
+        let function = read(pin, 0x20 + 4 * (number / 8), 4, number % 8); // AFRL, AFRH
+        if mode != Some(2) || function != Some(pin.function.into()) {
+            let number_of =
+                |field: Option<u64>| field.map_or("unknown".to_owned(), |field| field.to_string());
+            complaints.push(format!(
+                "{name}: P{}{} is in mode {} with function {}, not 2 with {}",
+                pin.port,
+                pin.number,
+                number_of(mode),
+                number_of(function),
+                pin.function
+            ));
         }
     }
     complaints

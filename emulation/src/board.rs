@@ -1,6 +1,7 @@
 //! The boards as their drawings have them: ports, pins and clocks. Written from the boards' documents and not
 //! from the project's table in `boards/`, so that one mistake is not on both sides; a test compares the two.
 
+use crate::fram::Fram;
 use core::ops::Range;
 use sim::line::Line;
 
@@ -61,6 +62,17 @@ pub struct Output {
     pub pin: (char, u8),
     /// The bootloader drives it low.
     pub low_before: bool,
+}
+
+/// An F-RAM on SPI2.
+#[derive(Clone, Copy, Debug)]
+pub struct FramBus {
+    /// Clock, data from the chip, data to it.
+    pub pins: [Pin; 3],
+    /// GPIO port and number of the pin that selects it, low.
+    pub select: (char, u8),
+    /// The chip.
+    pub chip: fn() -> Fram,
 }
 
 /// A UART, and where its registers begin; the same on both parts.
@@ -125,6 +137,8 @@ pub struct Board {
     pub inverts: bool,
     /// Outputs for valves and power, by number.
     pub outputs: &'static [Output],
+    /// Memory of settings, where it is not in the part.
+    pub fram: Option<FramBus>,
     /// The status LED.
     pub led: Led,
     /// Pins that the firmware drives from the start on, and their levels.
@@ -245,6 +259,7 @@ const H743: Board = Board {
         output('E', 5),
         output('E', 6),
     ],
+    fram: None,
     led: led('E', 3, false, false),
     held: &[('E', 9, false)], // RTS of SERIAL1
     flash: 0x0800_0000..0x0820_0000,
@@ -290,9 +305,22 @@ pub static PIXRACER: Board = Board {
         output('D', 13),
         output('D', 14),
     ],
+    fram: Some(FramBus {
+        pins: [pin('B', 10, 5), pin('B', 14, 5), pin('B', 15, 5)],
+        select: ('D', 10),
+        chip: Fram::fm25v01a,
+    }),
     led: led('B', 1, false, true),
-    // VDD_PERIPH_EN, UART8_TXINV, 8266_PD, 8266_RST, RTS of SERIAL1
-    held: &[('C', 5, true), ('A', 10, true), ('E', 5, false), ('E', 6, false), ('D', 4, false)],
+    // VDD_PERIPH_EN, UART8_TXINV, 8266_PD, 8266_RST, RTS of SERIAL1, VDD_SENSORS_EN, BARO_CS
+    held: &[
+        ('C', 5, true),
+        ('A', 10, true),
+        ('E', 5, false),
+        ('E', 6, false),
+        ('D', 4, false),
+        ('E', 3, true),
+        ('D', 7, true),
+    ],
     flash: 0x0800_0000..0x0820_0000,
     behind_bootloader: Some(0x0800_4000),
     ram: 0x2000_0000..0x2002_E000,
@@ -332,9 +360,15 @@ pub static PIXHAWK_6C: Board = Board {
         low_output('A', 0),
         low_output('A', 1),
     ],
+    // Its size is not known: 32 KiB or more are what ArduPilot stores.
+    fram: Some(FramBus {
+        pins: [pin('D', 3, 5), pin('C', 2, 5), pin('C', 3, 5)],
+        select: ('D', 4),
+        chip: Fram::fm25v20a,
+    }),
     led: led('D', 11, false, true),
-    // nVDD_5V_HIPOWER_EN, nVDD_5V_PERIPH_EN, HEATER_EN, RTS of SERIAL1
-    held: &[('C', 10, false), ('E', 2, false), ('B', 9, false), ('E', 9, false)],
+    // nVDD_5V_HIPOWER_EN, nVDD_5V_PERIPH_EN, HEATER_EN, RTS of SERIAL1, VDD_3V3_SENSORS1_EN
+    held: &[('C', 10, false), ('E', 2, false), ('B', 9, false), ('E', 9, false), ('B', 2, true)],
     ..H743
 };
 

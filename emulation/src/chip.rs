@@ -3,18 +3,26 @@
 
 use rigless::chip::Placed;
 use rigless::chip::uart::{Errors, TcpPeer};
-use rigless::device::{Device, ErasedDevice, ResetCause};
+use rigless::device::{Device, ErasedDevice, Level, ResetCause};
 use rigless::machine::stm32f427_bench::Stm32f427Bench;
 use rigless::machine::stm32h743_bench::Stm32h743Bench;
 use rigless::machine::{self, Crystal, Target};
 use rigless::mcu::{Mcu, Operate};
 use rigless::snapshot::Store;
+use rigless::soc::stm32f427::peripherals as f427;
+use rigless::soc::stm32h743::peripherals as h743;
 use rigless::soc::{Bus, Width};
 use rigless::time::VirtualNanos;
 
 use crate::board::{Board, Part, Uart};
+use crate::fram::Fram;
 use crate::quirks::{DeadRegulator, Iwdg, Rtc, Stuck};
 use crate::wire::Wire;
+
+/// Where rigless has SPI2 of either part.
+const SPI2: usize = 1;
+
+const GPIO_PORTS: [&str; 5] = ["GPIOA", "GPIOB", "GPIOC", "GPIOD", "GPIOE"];
 
 #[derive(Debug)]
 enum Bench {
@@ -144,6 +152,30 @@ impl Rig {
         let at = place_of(self.kind, uart);
         each!(&mut self.chip.part, b => b.mcu.usart[at].attach(wire));
         self.wired.push(uart);
+    }
+
+    /// Connects an F-RAM to SPI2, in place of what rigless's bench has there; `None`: nothing.
+    pub fn attach_fram(&mut self, (port, number): (char, u8), fram: Option<Fram>) {
+        let port = GPIO_PORTS[usize::from(port as u8 - b'A')];
+        macro_rules! attach {
+            ($spi:expr, $chip:ident) => {{
+                let pin = $chip::gpio::Pin::new(number).expect("a port has sixteen pins");
+                // The bench's own cannot be taken off, but is not on the bus while it is silent.
+                let _ = $spi.silence(0, true);
+                if let Some(fram) = fram {
+                    $spi.attach_selected(fram, $chip::spi::Select { port, pin, active: Level::Low });
+                }
+            }};
+        }
+        match &mut self.chip.part {
+            Bench::H743(bench) => attach!(bench.mcu.spi[SPI2], h743),
+            Bench::F427(bench) => attach!(bench.mcu.spi[SPI2], f427),
+        }
+    }
+
+    /// The F-RAM, if there is one.
+    pub fn fram(&mut self) -> Option<&mut Fram> {
+        each!(&mut self.chip.part, b => b.mcu.spi[SPI2].chip_mut::<Fram>(1))
     }
 
     /// Connects a TCP port to a UART.

@@ -24,6 +24,7 @@
 //! - [`pins`]: the levels of pins over a run.
 //! - [`report`]: the record of a run.
 //! - [`audit`]: what is checked at every run.
+//! - [`fram`]: the memory of settings of the boards that have one.
 //! - [`receiver`]: a receiver of radio control, in place of an ECU.
 //! - [`recording`]: what is sent in four named runs, to compare two states of the firmware.
 //! - [`turnaround`]: how long a reply takes.
@@ -37,6 +38,7 @@ pub mod board;
 pub mod bootloader;
 mod chip;
 pub mod engines;
+pub mod fram;
 pub mod image;
 mod log;
 pub mod pins;
@@ -50,6 +52,7 @@ mod wire;
 
 pub use board::{BOARDS, Board, MATEK_H743, NUCLEO_H743ZI2, PIXRACER};
 pub use bootloader::{Bootloader, Jump, Leftover};
+pub use fram::Fram;
 pub use image::Image;
 pub use log::Log;
 pub use quirks::Stuck;

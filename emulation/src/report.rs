@@ -2,6 +2,7 @@
 
 use crate::board::Board;
 use crate::chip::Rig;
+use crate::fram::Fram;
 use crate::image::Image;
 use crate::log::Log;
 use crate::wire::{Far, Wire};
@@ -45,6 +46,8 @@ pub struct Report {
     pub instructions_per_second: u64,
     pub(crate) session: Session<Rig>,
     pub(crate) wires: BTreeMap<&'static str, Wire>,
+    /// The memory of settings, if the board has one.
+    pub fram: Option<Fram>,
     /// The firmware's log, over all resets.
     pub logs: Vec<Log>,
     /// The core's accesses to the tapped UARTs.

@@ -17,6 +17,7 @@ use sim::line::Line;
 use crate::board::{Board, Part, Uart};
 use crate::bootloader::Bootloader;
 use crate::chip::Rig;
+use crate::fram::Fram;
 use crate::image::Image;
 use crate::log;
 use crate::quirks::{BackupDomain, DeadEnable, Stuck, TimerFlags};
@@ -37,6 +38,7 @@ pub struct Run {
     instructions_per_second: u64,
     wires: BTreeMap<&'static str, Wire>,
     tcp: Option<(&'static str, TcpPeer)>,
+    fram: Option<Fram>,
     acts: Vec<(Nanos, Act)>,
     taps: Vec<&'static str>,
     registers: Vec<u64>,
@@ -59,6 +61,7 @@ impl Run {
             instructions_per_second: board.core_hz,
             wires: BTreeMap::new(),
             tcp: None,
+            fram: board.fram.map(|fram| (fram.chip)()),
             acts: Vec::new(),
             taps: Vec::new(),
             registers: Vec::new(),
@@ -116,6 +119,12 @@ impl Run {
     pub fn tcp(mut self, port: &'static str, peer: TcpPeer) -> Self {
         self.wires.remove(port);
         self.tcp = Some((port, peer));
+        self
+    }
+
+    /// This F-RAM on the board, or none.
+    pub fn fram(mut self, fram: Option<Fram>) -> Self {
+        self.fram = fram;
         self
     }
 
@@ -263,6 +272,9 @@ impl Run {
         if let Some((port, peer)) = self.tcp.take() {
             rig.attach_tcp(board.port(port).uart, peer);
         }
+        if let Some(bus) = board.fram {
+            rig.attach_fram(bus.select, self.fram.take());
+        }
         if self.slow_watchdog {
             rig.slow_watchdog();
         }
@@ -316,6 +328,7 @@ impl Run {
                 wires.insert(port.name, core::mem::replace(wire, Wire::empty()));
             }
         }
+        let fram = session.board_mut().fram().cloned();
         let (at, instructions) = finished.stop.map_or((0, 0), |stop| (stop.at.0, stop.instruction_count));
         Report {
             board,
@@ -323,6 +336,7 @@ impl Run {
             instructions_per_second: self.instructions_per_second,
             session,
             wires,
+            fram,
             logs,
             taps: hand.tapped,
             written: hand.written,

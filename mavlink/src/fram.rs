@@ -88,6 +88,22 @@ pub enum NotUsed {
     Protected,
 }
 
+/// Recognises the chip. One whose supply has just come on may need some time until it answers.
+///
+/// # Errors
+/// [`NotUsed`] if it is not known.
+pub fn identify(device: &mut impl SpiDevice) -> Result<Chip, NotUsed> {
+    let mut id = [0; 9];
+    let mut look = [Operation::Write(&[READ_ID]), Operation::Read(&mut id)];
+    device.transaction(&mut look).map_err(|_| NotUsed::Bus)?;
+    let of = |chip: &Chip| match (chip.maker, id) {
+        (Maker::Cypress, [0x7F, 0x7F, 0x7F, 0x7F, 0x7F, 0x7F, 0xC2, a, b])
+        | (Maker::Fujitsu, [0x04, 0x7F, a, b, ..]) => chip.product == [a, b],
+        _ => false,
+    };
+    CHIPS.into_iter().find(of).ok_or(NotUsed::Unknown(id))
+}
+
 /// An F-RAM.
 #[derive(Debug)]
 pub struct Fram<D> {
@@ -101,15 +117,7 @@ impl<D: SpiDevice> Fram<D> {
     /// # Errors
     /// [`NotUsed`] if it is not known, or cannot be written.
     pub fn find(mut device: D) -> Result<(Self, Chip), NotUsed> {
-        let mut id = [0; 9];
-        let mut look = [Operation::Write(&[READ_ID]), Operation::Read(&mut id)];
-        device.transaction(&mut look).map_err(|_| NotUsed::Bus)?;
-        let of = |chip: &Chip| match (chip.maker, id) {
-            (Maker::Cypress, [0x7F, 0x7F, 0x7F, 0x7F, 0x7F, 0x7F, 0xC2, a, b])
-            | (Maker::Fujitsu, [0x04, 0x7F, a, b, ..]) => chip.product == [a, b],
-            _ => false,
-        };
-        let chip = CHIPS.into_iter().find(of).ok_or(NotUsed::Unknown(id))?;
+        let chip = identify(&mut device)?;
         let mut this = Self { device, address: chip.address };
         if this.status()? & PROTECTION != 0 {
             this.command(&[WRITE_ENABLE]).map_err(|_| NotUsed::Bus)?;

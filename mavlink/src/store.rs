@@ -261,21 +261,25 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         found
     }
 
-    /// Bytes at the end of a sector that are empty, but for the mark that closes it.
+    /// Bytes at the end of a sector that are empty, in whole words, but for the mark that closes it.
     async fn empty_at_end(&mut self, sector: u32) -> u32 {
-        let word = F::WRITE_SIZE as u32;
-        let mut used = Self::SECTOR;
-        while used > 0 {
+        const { assert!(F::ERASE_SIZE.is_multiple_of(WORD) && WORD.is_multiple_of(F::WRITE_SIZE)) };
+        let mut empty = 0;
+        while empty < Self::SECTOR {
             let mut bytes = [0; WORD];
-            let Some(bytes) = bytes.get_mut(..F::WRITE_SIZE) else { break };
+            let at = (sector + 1) * Self::SECTOR - empty - WORD as u32;
             // What is unreadable reads as 0.
-            let at = sector * Self::SECTOR + used - word;
-            if self.map.flash().read(at, bytes).await.is_err() || bytes.iter().any(|&byte| byte != 0xFF) {
-                break;
-            }
-            used -= word;
+            let read = self.map.flash().read(at, &mut bytes).await;
+            let last =
+                if read.is_err() { Some(WORD - 1) } else { bytes.iter().rposition(|&byte| byte != 0xFF) };
+            let Some(last) = last else {
+                empty += WORD as u32;
+                continue;
+            };
+            let behind = WORD - 1 - last;
+            return empty + (behind - behind % F::WRITE_SIZE) as u32;
         }
-        Self::SECTOR - used
+        empty
     }
 
     /// Shows every record of a sector, the older ones of a key, too.

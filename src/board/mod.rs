@@ -22,8 +22,10 @@ pub mod engines;
 mod facts;
 mod first;
 mod format;
+#[cfg(feature = "fram")]
+mod fram;
 pub mod guard;
-#[cfg(any(not(feature = "stm32h7"), feature = "ardupilot-bootloader"))]
+#[cfg(all(not(feature = "fram"), any(not(feature = "stm32h7"), feature = "ardupilot-bootloader")))]
 mod no_storage;
 #[cfg(feature = "stm32")]
 mod outputs;
@@ -56,12 +58,14 @@ mod wait;
 mod watchdog;
 
 pub use format::Format;
-#[cfg(any(not(feature = "stm32h7"), feature = "ardupilot-bootloader"))]
+#[cfg(feature = "fram")]
+pub use fram::{Storage, storage};
+#[cfg(all(not(feature = "fram"), any(not(feature = "stm32h7"), feature = "ardupilot-bootloader")))]
 pub use no_storage::{Storage, storage};
 #[cfg(feature = "board-qemu-mps2")]
 pub use qemu_mps2::*;
 pub use state::{Oscillator, ResetCause};
-#[cfg(all(feature = "stm32h7", not(feature = "ardupilot-bootloader")))]
+#[cfg(all(feature = "stm32h7", not(feature = "fram"), not(feature = "ardupilot-bootloader")))]
 pub use stm32h7::storage::{Storage, storage};
 #[cfg(feature = "stm32")]
 use table::FIRST;

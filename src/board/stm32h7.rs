@@ -4,7 +4,7 @@
 pub mod facts;
 // ArduPilot's bootloader for an H7 looks for unreadable words at each start, and erases the whole application where it finds one: behind
 // it nothing is stored that a power cut could tear.
-#[cfg(not(feature = "ardupilot-bootloader"))]
+#[cfg(all(not(feature = "fram"), not(feature = "ardupilot-bootloader")))]
 pub mod storage;
 
 use super::first::Step;

@@ -13,6 +13,7 @@ macro_rules! board {
         uarts: [$($each:ident $rx:ident $tx:ident,)*],
         outputs: [$($out:ident $out_gpio:ident $out_number:literal $out_label:literal $out_low:literal,)*],
         supply: [$($supply:ident $tenths:literal)?],
+        fram: [$($spi:ident $sck:ident $miso:ident $mosi:ident $select:ident)?],
         led: $led:ident $lit:ident $drive:ident,
         hold: [$($held:ident $level:ident,)*],
         watchdog: $watchdog:ident,
@@ -98,6 +99,18 @@ macro_rules! board {
             )*
         }
 
+        $(
+            /// What its F-RAM hangs on. Call it once.
+            pub fn fram() -> super::fram::Device {
+                use embassy_stm32::peripherals;
+                // SAFETY: called once, and `init` takes all of these: nothing else uses them.
+                unsafe {
+                    let spi = (peripherals::$sck::steal(), peripherals::$mosi::steal(), peripherals::$miso::steal());
+                    super::fram::Device::new(peripherals::$spi::steal(), spi, peripherals::$select::steal())
+                }
+            }
+        )?
+
         /// The board, ready for the firmware.
         pub type Board = Ready<EcuPort, Led, Watchdog, { PORTS.len() }>;
 
@@ -121,6 +134,7 @@ macro_rules! board {
             let _taken = ($((p.$each, p.$rx, p.$tx)),*);
             let _outputs = ($(p.$out,)*);
             $(let _supply = p.$supply;)?
+            $(let _fram = (p.$spi, p.$sck, p.$miso, p.$mosi, p.$select);)?
             let openers: [Opener; PORTS.len()] = [$(openers::$uart),*];
             let mut place = 0;
             let mut opened = [const { None }; PORTS.len()];

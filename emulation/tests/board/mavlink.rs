@@ -3,9 +3,8 @@
 //!
 //! Their frames are built and read here, from the description of MAVLink, and not with the code of the firmware.
 
-use crate::support::{on_all_boards, on_each_board, others_are_well};
-use emulation::board::Part;
-use emulation::{Board, Image, Report, Run};
+use crate::support::{on_all_boards, on_boards, on_each_board, others_are_well};
+use emulation::{Board, Fram, Image, Report, Run};
 use sim::amt::AmtEcu;
 use sim::ecu::{Ecu, LineFault, MILLIS, Nanos, SECOND};
 use sim::line::Line;
@@ -22,6 +21,7 @@ const LEFT: u8 = 26;
 /// A message: number, checksum seed and length of the payload without extensions.
 type Kind = (u32, u8, usize);
 const HEARTBEAT: Kind = (0, 50, 9);
+const PARAM_REQUEST_READ: Kind = (20, 214, 20);
 const PARAM_REQUEST_LIST: Kind = (21, 159, 2);
 const PARAM_VALUE: Kind = (22, 220, 25);
 const PARAM_SET: Kind = (23, 168, 23);
@@ -86,6 +86,13 @@ fn set(component: u8, name: &str, value: f32) -> Vec<u8> {
     payload.extend(name.bytes().chain([0; 16]).take(16));
     payload.push(9);
     frame(GROUND, PARAM_SET, &payload)
+}
+
+fn read(component: u8, name: &str) -> Vec<u8> {
+    let mut payload = (-1_i16).to_le_bytes().to_vec();
+    payload.extend([VEHICLE, component]);
+    payload.extend(name.bytes().chain([0; 16]).take(16));
+    frame(GROUND, PARAM_REQUEST_READ, &payload)
 }
 
 fn list(component: u8) -> Vec<u8> {
@@ -366,7 +373,6 @@ fn a_full_telemetry_port_costs_no_reply_window() {
 #[test]
 fn a_setting_stays_over_a_restart_by_command() {
     on_each_board(|board| {
-        let stays = board.part == Part::H743;
         let reboot = command(NODE, 246, 1.0);
         let client = Client {
             script: vec![
@@ -390,10 +396,9 @@ fn a_setting_stays_over_a_restart_by_command() {
         assert!(set.at < 13 * SECOND && set.float(0) == 2345.0, "{texts}");
         assert_eq!(client.answers(NODE, 13 * SECOND).first(), Some(&(246, ACCEPTED)), "{texts}");
         assert!(report.logged("MAVLink: restart by command"));
-        let (hold, ground) = if stays { (2345.0, 9.0) } else { (1000.0, 0.0) };
-        assert_eq!(client.value(LEFT, "LOSS_HOLD"), Some(hold), "{texts}");
-        assert_eq!(client.value(NODE, "MAV_GCS_2"), Some(ground), "{texts}");
-        assert_eq!(client.texts().iter().any(|text| text.contains("is not stored")), !stays, "{texts}");
+        assert_eq!(client.value(LEFT, "LOSS_HOLD"), Some(2345.0), "{texts}");
+        assert_eq!(client.value(NODE, "MAV_GCS_2"), Some(9.0), "{texts}");
+        assert!(!client.texts().iter().any(|text| text.contains("is not stored")), "{texts}");
     });
 }
 
@@ -410,14 +415,90 @@ fn every_board_answers_on_its_telemetry_port() {
 
 /// An H743's bootloader erases the whole application where it finds a word that a power cut has torn.
 #[test]
-fn behind_an_ardupilot_bootloader_no_setting_is_stored() {
+fn behind_an_ardupilot_bootloader_a_setting_is_stored_in_an_fram_only() {
     on_each_board(|board| {
         let client =
             Client { script: vec![(12 * SECOND, set(LEFT, "LOSS_HOLD", 2345.0))], ..Client::default() };
         let run = Run::new(board, Image::Ardupilot).quick_engines();
         let report = run.ecu(board.telemetry.name, LINE, client).until(14 * SECOND).go();
         let client: &Client = report.ecu(board.telemetry.name);
-        assert!(report.logged("settings: this board stores none"), "{}: {}", board.name, report.log_text());
-        assert!(client.texts().iter().any(|text| text.contains("is not stored")), "{:?}", client.texts());
+        let stores = board.fram.is_some();
+        let none = report.logged("settings: this board stores none");
+        assert_eq!(none, !stores, "{}: {}", board.name, report.log_text());
+        let told = client.texts().iter().any(|text| text.contains("is not stored"));
+        assert_eq!(told, !stores, "{:?}", client.texts());
     });
+}
+
+/// A run of a board with this F-RAM, and what the ground station sends.
+fn with_fram(board: &'static Board, fram: Option<Fram>, script: Vec<(Nanos, Vec<u8>)>) -> Run {
+    // A byte that a reset cuts has no time of its own.
+    let quiet = Some((9 * SECOND, 11 * SECOND));
+    let client = Client { script, quiet, ..Client::default() };
+    Run::new(board, Image::Release).quick_engines().fram(fram).ecu(board.telemetry.name, LINE, client)
+}
+
+#[test]
+fn a_setting_in_an_fram_stays_over_a_reset_and_without_a_supply() {
+    on_boards(
+        |board| board.fram.is_some(),
+        |board| {
+            let chip = (board.fram.expect("filtered").chip)().protected();
+            let script = vec![
+                (8 * SECOND, set(LEFT, "LOSS_HOLD", 2345.0)),
+                (17 * SECOND, read(LEFT, "LOSS_HOLD")),
+                (18 * SECOND, set(NODE, "MAV_GCS_2", 9.0)),
+            ];
+            let run = with_fram(board, Some(chip), script).resets(1);
+            let report = run.at(9 * SECOND + SECOND / 2, |bench| bench.press_reset()).until(20 * SECOND).go();
+            let client: &Client = report.ecu(board.telemetry.name);
+            let texts = format!("{}: {:#?}\n{}", board.name, client.texts(), report.log_text());
+            assert!(report.logged("settings: none are stored"), "somebody else's data; {texts}");
+            assert!(report.logged("settings: as stored"), "after the reset; {texts}");
+            assert_eq!(client.value(LEFT, "LOSS_HOLD"), Some(2345.0), "{texts}");
+            let answer = client.of(LEFT, PARAM_VALUE).next_back().expect("an answer");
+            assert!(answer.at > 17 * SECOND, "{texts}");
+            let starts: Vec<_> = report.lines("settings: in an F-RAM").map(|line| line.at).collect();
+            println!("{}: {starts:?} ns, {texts}", board.name);
+            let chip = report.fram.clone().expect("it has one");
+            assert!(chip.written > 0 && chip.ignored.is_empty(), "{:?}", chip.ignored);
+
+            // All but the chip is new.
+            let script = vec![(8 * SECOND, read(LEFT, "LOSS_HOLD")), (8 * SECOND, read(NODE, "MAV_GCS_2"))];
+            let report = with_fram(board, Some(chip.powered_up()), script).until(10 * SECOND).go();
+            let client: &Client = report.ecu(board.telemetry.name);
+            assert!(report.logged("settings: as stored"), "{}", report.log_text());
+            assert_eq!(client.value(LEFT, "LOSS_HOLD"), Some(2345.0));
+            assert_eq!(client.value(NODE, "MAV_GCS_2"), Some(9.0));
+        },
+    );
+}
+
+#[test]
+fn without_a_known_fram_a_text_says_that_a_setting_is_not_stored() {
+    let unknown = [0x7F, 0x7F, 0x7F, 0x7F, 0x7F, 0x7F, 0xC2, 0x2A, 0x08];
+    on_boards(
+        |board| board.fram.is_some(),
+        |board| {
+            for fram in [None, Some(Fram::fm25v01a().with_id(unknown))] {
+                let is_there = fram.is_some();
+                let script = vec![(8 * SECOND, set(LEFT, "LOSS_HOLD", 2345.0))];
+                let report = with_fram(board, fram, script).with_errors().until(9 * SECOND).go();
+                let client: &Client = report.ecu(board.telemetry.name);
+                let texts = format!("{}: {:#?}\n{}", board.name, client.texts(), report.log_text());
+                assert!(report.logged("settings: no F-RAM that is known"), "{texts}");
+                assert_eq!(report.logged("7f, 7f, 7f, 7f, 7f, 7f, c2, 2a, 08"), is_there, "{texts}");
+                assert!(
+                    client.texts().iter().any(|text| text.contains("LOSS_HOLD is not stored")),
+                    "{texts}"
+                );
+                assert_eq!(client.value(LEFT, "LOSS_HOLD"), Some(2345.0), "it counts until then; {texts}");
+                // Nobody writes to what is not known.
+                assert_eq!(
+                    report.fram.map(|fram| (fram.written, fram.ignored.len())),
+                    is_there.then_some((0, 0))
+                );
+            }
+        },
+    );
 }

@@ -21,6 +21,11 @@ pub fn on_all_boards(test: impl Fn(&'static Board) + Sync) {
     on(|_| true, test);
 }
 
+/// Runs a test on these boards at once.
+pub fn on_boards(wanted: impl Fn(&Board) -> bool, test: impl Fn(&'static Board) + Sync) {
+    on(wanted, test);
+}
+
 fn on(wanted: impl Fn(&Board) -> bool, test: impl Fn(&'static Board) + Sync) {
     let boards: Vec<_> = BOARDS.into_iter().filter(|board| wanted(board)).collect();
     std::thread::scope(|scope| {

@@ -37,6 +37,15 @@ fn the_emulators_boards_equal_those_of_the_table() {
         assert_eq!(here.radio, table.ports[usize::from(table.radio)].name, "{name}");
         assert_eq!(here.inverts, table.chip.family.inverts(), "{name}");
 
+        let fram = here.fram.map(|fram| {
+            let pins = fram.pins.map(|pin| format!("P{}{}", pin.port, pin.number));
+            ("SPI2", pins, format!("P{}{}", fram.select.0, fram.select.1))
+        });
+        let in_table = table.fram.map(|fram| {
+            (fram.spi, [fram.sck, fram.miso, fram.mosi].map(str::to_string), fram.select.to_string())
+        });
+        assert_eq!(fram, in_table, "{name}");
+
         let pin = |(port, number, level): (char, u8, bool)| (format!("P{port}{number}"), level);
         let high = |level| level == Level::High;
         let led = (pin((here.led.pin.0, here.led.pin.1, here.led.lit)), here.led.open_drain);
