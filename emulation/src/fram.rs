@@ -39,12 +39,12 @@ pub struct Fram {
 }
 
 impl Fram {
-    /// An FM25V01A: 16 KiB, two bytes of an address. It has somebody else's data.
+    /// An FM25V01A: 16 KiB, two bytes of an address. It is erased.
     pub fn fm25v01a() -> Self {
         Self::new([0x21, 0x08], 16, 2)
     }
 
-    /// An FM25V20A: 256 KiB, three bytes of an address. It has somebody else's data.
+    /// An FM25V20A: 256 KiB, three bytes of an address. It is erased.
     pub fn fm25v20a() -> Self {
         Self::new([0x25, 0x08], 256, 3)
     }
@@ -53,7 +53,7 @@ impl Fram {
         Self {
             id: [0x7F, 0x7F, 0x7F, 0x7F, 0x7F, 0x7F, 0xC2, family, revision],
             address,
-            memory: (0..kib * 1024).map(|at| (at * 7 + at / 256) as u8).collect(),
+            memory: vec![0xFF; kib * 1024],
             status: 0,
             command: Vec::new(),
             written: 0,
@@ -64,6 +64,12 @@ impl Fram {
     /// The same chip with another identification.
     pub fn with_id(self, id: [u8; 9]) -> Self {
         Self { id, ..self }
+    }
+
+    /// The same chip with somebody else's data.
+    pub fn used(mut self) -> Self {
+        self.memory.iter_mut().enumerate().for_each(|(at, byte)| *byte = (at * 7 + at / 256) as u8);
+        self
     }
 
     /// The same chip with all blocks protected.

@@ -443,7 +443,7 @@ fn a_setting_in_an_fram_stays_over_a_reset_and_without_a_supply() {
     on_boards(
         |board| board.fram.is_some(),
         |board| {
-            let chip = (board.fram.expect("filtered").chip)().protected();
+            let chip = (board.fram.expect("filtered").chip)().used().protected();
             let script = vec![
                 (8 * SECOND, set(LEFT, "LOSS_HOLD", 2345.0)),
                 (17 * SECOND, read(LEFT, "LOSS_HOLD")),

@@ -26,8 +26,15 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         }
         let fields = &frame.fields;
         let target = |at| Address { system: fields.u8(at), component: fields.u8(at + 1) };
-        if cfg!(feature = "signing") && frame.id == SETUP_SIGNING_DATA::ID {
-            self.set_up_signing(now, port, from, target(setup_signing::TARGET), fields);
+        if frame.id == SETUP_SIGNING_DATA::ID {
+            let target = target(setup_signing::TARGET);
+            if cfg!(feature = "signing") {
+                self.set_up_signing(now, port, from, target, fields);
+            } else if self.addressed(now, port, target) == Some(Place::Node) {
+                let text =
+                    "no signing here: nothing is checked; keep strangers off the link, key the radio instead";
+                self.say(now, Place::Node, Severity::Warning, Some(port), format_args!("{text}"));
+            }
             return;
         }
         if !self.admits(now, port, &frame) {

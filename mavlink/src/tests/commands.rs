@@ -465,3 +465,23 @@ fn a_start_is_in_progress_until_the_engine_runs_only_where_that_is_set() {
         assert_eq!(answers(world, at).last(), Some(&(Ack::Cancelled as u8)));
     });
 }
+
+/// Where signing is left out, as on boards.
+#[cfg(not(feature = "signing"))]
+#[test]
+fn without_signing_a_key_is_answered_with_a_text() {
+    run(async |world| {
+        world.ready().await;
+        let setup = |component| SETUP_SIGNING_DATA {
+            target_system: SYSTEM,
+            target_component: component,
+            ..Default::default()
+        };
+        world.say(TO_GROUND, GROUND, &setup(ENGINE[0]));
+        world.pass(1.0).await;
+        assert!(!world.texts().contains("no signing here"), "{}", world.texts());
+        world.say(TO_GROUND, GROUND, &setup(NODE));
+        world.pass(1.0).await;
+        assert!(world.texts().contains("no signing here"), "{}", world.texts());
+    });
+}
