@@ -6,6 +6,7 @@ mod bench;
 
 use bench::{Bench, LONG, received, throttle};
 use embassy_futures::join::join;
+use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Timer};
 use jetlink::command::{Command, Order, Ordered, Origin, Rejected};
 use jetlink::config::EngineConfig;
@@ -64,6 +65,30 @@ fn amt_11_every_frame_is_answered_in_its_window_at_every_baud_rate() {
             "{baud}"
         );
     }
+}
+
+/// AMT-11: a node that starts later than its port opened, at each phase of the ECU's frames: what has waited has an unknown age, so it is not
+/// answered. What comes from then on is.
+#[test]
+fn amt_11_a_frame_that_waited_in_the_port_is_not_answered_late() {
+    let mut unanswered = 0;
+    // Its first frame comes after 0.4 s.
+    for start in (300..900).step_by(7) {
+        let bench = bench(2400, 1);
+        let live = async {
+            let before = select(bench.plug.run(), Timer::after(Duration::from_millis(start))).await;
+            assert!(matches!(before, Either::Second(())));
+            bench.live().await
+        };
+        let end = Timer::after(Duration::from_millis(start + 2000));
+        assert!(matches!(sim::clock::run_for(select(live, end), LONG), Some(Either::Second(()))));
+        let stats = stats(&bench);
+        assert_eq!((stats.late, stats.unsolicited, stats.bad.total()), (0, 0, 0), "{start} ms: {stats:?}");
+        // Each frame from then on, but for one under way, and the first two, which have to agree.
+        assert!(stats.in_window >= 12, "{start} ms: {stats:?}");
+        unanswered = unanswered.max(stats.none);
+    }
+    assert!(unanswered >= 2, "{unanswered}");
 }
 
 /// AMT-11: all four kinds of frame are answered, the set-up set after power-up too.

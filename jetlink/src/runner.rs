@@ -8,7 +8,7 @@ use crate::link::{Output, Transmission};
 use crate::report::NotSent;
 use core::cell::Cell;
 use core::sync::atomic::{AtomicU32, Ordering};
-use embassy_futures::select::{select, select3};
+use embassy_futures::select::{Either3, select, select3};
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
@@ -85,6 +85,8 @@ pub struct Runner<'a> {
     outstanding: Cell<bool>,
     /// The last transmission timed out: its bytes may still wait in the driver, unless the UART was opened again.
     timed_out: Cell<bool>,
+    /// What is read now may have waited in the UART since before the run: its age is not known.
+    waited: Cell<bool>,
     /// The engine has changed since the receivers of telemetry were last woken.
     changed: Cell<bool>,
 }
@@ -117,6 +119,7 @@ impl<'a> Runner<'a> {
             started: Cell::new(false),
             outstanding: Cell::new(false),
             timed_out: Cell::new(false),
+            waited: Cell::new(false),
             changed: Cell::new(true),
         }
     }
@@ -149,6 +152,7 @@ impl<'a> Runner<'a> {
             self.channel.begin(Instant::now());
         }
         self.outgoing.reset();
+        self.waited.set(true);
         if self.outstanding.take() {
             self.channel.with(|engine| engine.not_sent(Instant::now(), NotSent::TimedOut));
         }
@@ -164,16 +168,24 @@ impl<'a> Runner<'a> {
             self.report_failure();
             self.channel.made_progress();
             let heartbeat = Instant::now() + HEARTBEAT;
-            let wake = deadline.map_or(heartbeat, |deadline| deadline.min(heartbeat));
+            let wake = match deadline {
+                // At once, if nothing has waited.
+                _ if self.waited.get() => Instant::MIN,
+                Some(deadline) => deadline.min(heartbeat),
+                None => heartbeat,
+            };
             let woken = select3(rx.read(&mut buffer), self.channel.wake.wait(), Timer::at(wake)).await;
             errors.drain(|error| self.channel.with(|engine| engine.line_error(error)));
-            if let embassy_futures::select::Either3::First(read) = woken {
+            // A read that does not fill the buffer takes all that has waited.
+            let more = matches!(&woken, Either3::First(Ok(count)) if *count == buffer.len());
+            if let Either3::First(read) = woken {
                 match read {
                     Ok(0) => self.read_failed(LineError::Read).await,
                     Ok(count) => self.feed(buffer.get(..count).unwrap_or_default()).await,
                     Err(error) => self.read_failed(line_error(error.kind())).await,
                 }
             }
+            self.waited.set(self.waited.get() && more);
             // After every wake, so that a babbling ECU cannot delay a send slot or hide a loss.
             let now = Instant::now();
             if deadline.is_some_and(|deadline| now >= deadline) {
@@ -250,7 +262,11 @@ impl<'a> Runner<'a> {
     async fn drain(&self) -> Option<Instant> {
         loop {
             match self.channel.with(|engine| engine.poll()) {
-                Output::Transmit(transmission) => {
+                Output::Transmit(mut transmission) => {
+                    if self.waited.get() {
+                        // The window of a reply to it may be over.
+                        transmission.start_by = transmission.start_by.map(|_| Instant::MIN);
+                    }
                     self.outstanding.set(true);
                     self.outgoing.signal(transmission);
                     // Run the writing half at once: a reply is sent before the supervision, and before anything is
