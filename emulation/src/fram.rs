@@ -82,6 +82,11 @@ impl Fram {
         Self { status: self.status & !WEL, command: Vec::new(), ..self }
     }
 
+    /// Whether the memory of the two is the same.
+    pub fn holds_the_same(&self, other: &Self) -> bool {
+        self.memory == other.memory
+    }
+
     fn is_protected(&self, at: usize) -> bool {
         let size = self.memory.len();
         let from = match (self.status & BP) >> 2 {

@@ -198,7 +198,8 @@ impl<D: SpiDevice> ReadNorFlash for Fram<D> {
 }
 
 impl<D: SpiDevice> NorFlash for Fram<D> {
-    const WRITE_SIZE: usize = 4;
+    /// The chip writes bytes. A start looks for a record at each word of somebody else's data, so words are long.
+    const WRITE_SIZE: usize = CHUNK;
     const ERASE_SIZE: usize = SECTOR;
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {

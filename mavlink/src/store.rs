@@ -15,8 +15,9 @@
 //! sector after it has copied everything. So each sector is looked at alone, whatever the other one looks like, and before the
 //! next save the other one is erased if it is not empty: the crate's own repair could erase the good one.
 
+use core::cmp::Ordering;
 use core::fmt::Debug;
-use core::sync::atomic::{AtomicBool, Ordering};
+use core::sync::atomic::{self, AtomicBool};
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::{
@@ -54,12 +55,12 @@ impl AtRest {
 
     /// Sets it.
     pub fn set(&self, at_rest: bool) {
-        self.0.store(at_rest, Ordering::Relaxed);
+        self.0.store(at_rest, atomic::Ordering::Relaxed);
     }
 
     /// Whether they are.
     pub fn get(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
+        self.0.load(atomic::Ordering::Relaxed)
     }
 }
 
@@ -190,7 +191,14 @@ pub struct Store<'a, F: Flash, const KEYS: usize = { self::KEYS }> {
     newest: Vec<Newest, KEYS>,
     /// The sector that has all newest records.
     sector: u32,
-    /// Bytes at its end that are empty.
+    /// What is empty; `None` until it is needed, as to look at all of a slow memory delays a start.
+    space: Option<Space>,
+}
+
+/// What is empty in the two sectors.
+#[derive(Clone, Copy, Debug)]
+struct Space {
+    /// Bytes at the end of the sector that has all newest records.
     free: u32,
     /// The other sector is not empty.
     dirty: bool,
@@ -210,9 +218,12 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
     pub async fn load(flash: F, at_rest: &'a AtRest, each: &mut dyn FnMut(u8, &[u8])) -> (Self, Found) {
         let guard = Guard { flash, at_rest, only: None, reads: 0 };
         let map = MapStorage::new(guard, Self::CONFIG, Cache::new_uncached());
-        let mut store = Self { map, at_rest, newest: Vec::new(), sector: 0, free: 0, dirty: false };
+        let mut store = Self { map, at_rest, newest: Vec::new(), sector: 0, space: None };
         let found = store.survey().await;
         let newest = store.newest.clone();
+        if newest.is_empty() {
+            return (store, found);
+        }
         store
             .scan(store.sector, &mut |found, record| {
                 let own = newest.iter().find(|newest| newest.key == found.key);
@@ -244,10 +255,15 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
             last.is_some_and(|last| last.digest == digest(newest))
         };
         let [first, second] = &sectors;
-        // Where both have all, the one with less in it is the copy, and the other one may be half erased.
-        let empty = [self.empty_at_end(0).await, self.empty_at_end(1).await];
-        let second_is_it = (last(second), whole(second), empty[1]) > (last(first), whole(first), empty[0]);
+        let second_is_it = match (last(second), whole(second)).cmp(&(last(first), whole(first))) {
+            Ordering::Less => false,
+            Ordering::Greater => true,
+            Ordering::Equal if first.is_empty() => false,
+            // Where both have all, the one with less in it is the copy, and the other one may be half erased.
+            Ordering::Equal => self.empty_at_end(1).await > self.empty_at_end(0).await,
+        };
         self.sector = second_is_it.into();
+        self.space = None;
         let newest = if second_is_it { second } else { first };
         let found = match newest.is_empty() {
             true => Found::Empty,
@@ -255,10 +271,20 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
             false => Found::Damaged,
         };
         self.newest = newest.clone();
-        let [free, other] = if second_is_it { [empty[1], empty[0]] } else { empty };
-        self.free = free;
-        self.dirty = other < Self::SECTOR;
         found
+    }
+
+    /// What is empty.
+    async fn space(&mut self) -> Space {
+        if let Some(space) = self.space {
+            return space;
+        }
+        let [first, second] = [self.empty_at_end(0).await, self.empty_at_end(1).await];
+        if self.newest.is_empty() {
+            self.sector = (second > first).into();
+        }
+        let [free, other] = if self.sector == 1 { [second, first] } else { [first, second] };
+        *self.space.insert(Space { free, dirty: other < Self::SECTOR })
     }
 
     /// Bytes at the end of a sector that are empty, in whole words, but for the mark that closes it.
@@ -326,15 +352,18 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         }
         // The mark that closes the sector has its place; in an empty sector there is one that opens it, too.
         let word = F::WRITE_SIZE as u32;
-        let opening = if self.free == Self::SECTOR { word } else { 0 };
+        let Space { free, dirty } = self.space().await;
+        let opening = if free == Self::SECTOR { word } else { 0 };
         let length = (1 + bytes.len() as u32).next_multiple_of(word);
         let needed = opening + Map::<F>::item_overhead_size() + length;
-        let fits = needed + word <= self.free;
-        if !fits || self.dirty {
+        let fits = needed + word <= free;
+        if !fits || dirty {
             if !self.at_rest.get() {
                 return Err(NotSaved::Full);
             }
-            self.clean().await?;
+            if dirty {
+                self.clean().await?;
+            }
         }
         let mut buffer = [0; BUFFER];
         let stored = self.map.store_item(&mut buffer, &key, &bytes.as_slice()).await;
@@ -344,7 +373,7 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
                 Some(slot) => *slot = newest,
                 None => drop(self.newest.push(newest)),
             }
-            self.free = self.free.saturating_sub(needed);
+            self.space = Some(Space { free: free.saturating_sub(needed), dirty: false });
         } else {
             // Where it failed, some of it may be there.
             self.survey().await;
@@ -352,13 +381,11 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         stored.map_err(|_| NotSaved::Failed)
     }
 
-    /// Erases the sector that has not all newest records, if it is not empty.
+    /// Erases the sector that has not all newest records.
     async fn clean(&mut self) -> Result<(), NotSaved> {
-        if self.dirty {
-            let other = (1 - self.sector) * Self::SECTOR;
-            self.map.flash().erase(other, other + Self::SECTOR).await.map_err(|_| NotSaved::Failed)?;
-            self.dirty = false;
-        }
+        let other = (1 - self.sector) * Self::SECTOR;
+        self.map.flash().erase(other, other + Self::SECTOR).await.map_err(|_| NotSaved::Failed)?;
+        self.space = self.space.map(|space| Space { dirty: false, ..space });
         Ok(())
     }
 

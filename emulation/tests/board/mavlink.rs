@@ -3,7 +3,7 @@
 //!
 //! Their frames are built and read here, from the description of MAVLink, and not with the code of the firmware.
 
-use crate::support::{on_all_boards, on_boards, on_each_board, others_are_well};
+use crate::support::{amt_engines, on_all_boards, on_boards, on_each_board, others_are_well};
 use emulation::{Board, Fram, Image, Report, Run};
 use sim::amt::AmtEcu;
 use sim::ecu::{Ecu, LineFault, MILLIS, Nanos, SECOND};
@@ -470,6 +470,37 @@ fn a_setting_in_an_fram_stays_over_a_reset_and_without_a_supply() {
             assert!(report.logged("settings: as stored"), "{}", report.log_text());
             assert_eq!(client.value(LEFT, "LOSS_HOLD"), Some(2345.0));
             assert_eq!(client.value(NODE, "MAV_GCS_2"), Some(9.0));
+        },
+    );
+}
+
+/// Of a board that comes from ArduPilot. Nobody stores a setting, so each start reads it.
+#[test]
+fn somebody_elses_data_in_an_fram_makes_no_reply_late_and_stays() {
+    on_boards(
+        |board| board.fram.is_some(),
+        |board| {
+            let chip = (board.fram.expect("filtered").chip)().used();
+            // Against the frames of the AMT ECUs, one each 125 ms, in different ways.
+            const RESETS: [Nanos; 3] = [1500 * MILLIS, 2531 * MILLIS, 3562 * MILLIS];
+            let run = Run::new(board, Image::Release).quick_engines().fram(Some(chip.clone()));
+            let run = RESETS.into_iter().fold(run, |run, at| run.at(at, |bench| bench.press_reset()));
+            let report = run.resets(RESETS.len()).until(5 * SECOND).go();
+            let starts = report.lines("settings: in an F-RAM").zip(report.lines("settings: none are stored"));
+            let read: Vec<Nanos> = starts.map(|(from, to)| (to.at - from.at) / MILLIS).collect();
+            println!("{}: read for {read:?} ms", board.name);
+            assert_eq!(read.len(), 1 + RESETS.len(), "{}", report.log_text());
+            for engine in amt_engines(&report) {
+                let stats = report.ecu::<AmtEcu>(engine.port).stats;
+                let text = format!("{} {}: {stats:?}", board.name, engine.name);
+                assert_eq!((stats.late, stats.unsolicited), (0, 0), "{text}");
+                // A reset may cut a reply.
+                assert_eq!(stats.bad.total(), stats.bad.truncated, "{text}");
+                // Of the frames that come while it starts; all others are answered.
+                assert!(stats.none <= 2 * RESETS.len() as u64 && stats.in_window > 20, "{text}");
+            }
+            assert!(read.iter().all(|&ms| ms < 60), "{read:?}");
+            assert!(report.fram.is_some_and(|now| now.written == 0 && now.holds_the_same(&chip)));
         },
     );
 }

@@ -1,7 +1,7 @@
 //! F-RAM on a mock of the chip, from its data sheets: byte by byte, with the power cut at every one of them.
 
 use crate::fram::{CHIPS, Chip, Fram, Maker, NotUsed};
-use crate::store::{AtRest, Found, Store};
+use crate::store::{AtRest, Found, NotSaved, Store};
 use embassy_futures::block_on;
 use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
 use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
@@ -23,6 +23,7 @@ struct Mock {
     /// Bytes of writes until the power fails.
     left: Option<usize>,
     written: usize,
+    read: usize,
 }
 
 impl Mock {
@@ -41,6 +42,7 @@ impl Mock {
             stuck: false,
             left: None,
             written: 0,
+            read: 0,
         }
     }
 
@@ -71,6 +73,7 @@ impl Mock {
             }
             0x03 => {
                 let (at, _) = address(rest);
+                self.read += wanted;
                 return Ok((0..wanted).map(|i| self.memory[(at + i) % self.memory.len()]).collect());
             }
             0x02 => {
@@ -238,4 +241,58 @@ fn after_a_power_cut_at_any_byte_no_record_is_lost_or_old() {
         let (_, found, now) = load(store.into_flash().into_device(), &at_rest);
         assert_eq!((found, now.get(&1)), (Found::Whole, Some(&b"later".to_vec())), "cut at byte {cut}");
     }
+}
+
+/// The engines' tasks begin after it.
+#[test]
+fn a_start_reads_little() {
+    let at_rest = AtRest::new();
+    let mut rng = fastrand::Rng::with_seed(9);
+    let read = |mock: Mock| {
+        let (store, found, _) = load(Mock { read: 0, ..mock }, &at_rest);
+        (found, store.into_flash().into_device())
+    };
+    for chip in some() {
+        let mut mock = Mock::new(chip);
+        mock.memory.fill(0xFF);
+        let (found, erased) = read(mock.clone());
+        assert_eq!((found, erased.written), (Found::Empty, 0));
+        assert!(erased.read <= 512, "{} bytes", erased.read);
+        let (mut store, _, _) = load(mock, &at_rest);
+        for key in 0..5 {
+            block_on(store.save(key, &[key; 200])).unwrap();
+        }
+        let (found, ours) = read(store.into_flash().into_device());
+        assert_eq!(found, Found::Whole);
+        assert!(ours.read <= 4096, "{} bytes", ours.read);
+        // Each word is read once, and once more where it is no head of a record: the first time may have been a fault.
+        let mut mock = Mock::new(chip);
+        mock.memory.iter_mut().for_each(|byte| *byte = rng.u8(..));
+        let before = mock.memory.clone();
+        let (found, foreign) = read(mock);
+        assert_eq!((found, foreign.written), (Found::Empty, 0));
+        assert!(foreign.read <= 2 * 16 * 1024 + 2048 && foreign.memory == before, "{} bytes", foreign.read);
+    }
+}
+
+#[test]
+fn somebody_elses_data_is_overwritten_by_a_save_at_rest_only() {
+    let at_rest = AtRest::new();
+    let mut mock = Mock::new(some()[0]);
+    mock.memory.iter_mut().enumerate().for_each(|(at, byte)| *byte = (at * 7 + at / 256) as u8);
+    let before = mock.memory.clone();
+    let (mut store, found, _) = load(mock, &at_rest);
+    assert_eq!(found, Found::Empty);
+    assert_eq!(block_on(store.save(0, b"mine")), Err(NotSaved::Full));
+    assert_eq!(block_on(store.format()), Err(NotSaved::Full));
+    let mock = store.into_flash().into_device();
+    assert_eq!((mock.written, &mock.memory), (0, &before));
+    at_rest.set(true);
+    let (mut store, _, _) = load(mock, &at_rest);
+    if block_on(store.save(0, b"mine")).is_err() {
+        block_on(store.format()).unwrap();
+        block_on(store.save(0, b"mine")).unwrap();
+    }
+    let (_, found, records) = load(store.into_flash().into_device(), &at_rest);
+    assert_eq!((found, records), (Found::Whole, Records::from([(0, b"mine".to_vec())])));
 }
