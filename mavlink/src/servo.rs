@@ -16,19 +16,36 @@ const DRIFT: u64 = 1000;
 /// Pulse widths that are accepted, in µs. All else is silence: 0 is "no output".
 const ACCEPTED: core::ops::RangeInclusive<u16> = 800..=2200;
 
+/// Shortest gap that a restart leaves in a stream.
+const GAP: Duration = Duration::from_secs(1);
+/// Time for which the delay behind a gap has to stay the same.
+const SETTLED: Duration = Duration::from_secs(3);
+
 /// Clock of the frames of one port of outputs: `time_usec`, which wraps after 71 minutes.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct FrameClock {
-    /// Last `time_usec` that counted, the smallest delay, and when that was updated.
+    /// Last `time_usec`, the smallest delay, and when that was updated.
     base: Option<(u32, u32, Instant)>,
-    /// A clock that went back: last time, delay of its first frame, and number of frames.
-    candidate: Option<(u32, u32, u8)>,
+    candidate: Option<Candidate>,
+}
+
+/// What may be the new clock of an autopilot that has restarted.
+#[derive(Clone, Copy, Debug)]
+enum Candidate {
+    /// It went back.
+    Back { last: u32, first_delay: u32, frames: u8 },
+    /// It is past the old one, and late to it since a gap.
+    Late { first_delay: u32, since: Instant },
 }
 
 impl FrameClock {
     /// Whether a frame counts: its time has advanced, and it is not late. When the autopilot restarts, its time goes back;
     /// three frames that agree make a new beginning.
-    pub fn counts(&mut self, now: Instant, time: u32) -> bool {
+    ///
+    /// Where the old clock was younger than a restart takes, the new one is past it, and all its frames are late. So are
+    /// those that a radio holds back, from a gap on: it is a new clock only if the delay stays the same, and the vehicle shows
+    /// `disarmed`, as one does that has restarted.
+    pub fn counts(&mut self, now: Instant, time: u32, disarmed: bool) -> bool {
         // Both wrap; only differences matter.
         let delay = (now.as_micros() as u32).wrapping_sub(time);
         let Some((last, smallest, at)) = self.base else {
@@ -37,35 +54,62 @@ impl FrameClock {
         };
         let advanced = time.wrapping_sub(last) as i32;
         if advanced > 0 {
-            self.candidate = None;
-            let elapsed = now.saturating_duration_since(at).as_micros();
-            let drift = (elapsed.saturating_mul(DRIFT) / 1_000_000).min(1_000_000) as u32;
+            let gap = now.saturating_duration_since(at);
+            let drift = (gap.as_micros().saturating_mul(DRIFT) / 1_000_000).min(1_000_000) as u32;
             let smallest = smallest.wrapping_add(drift);
             let late = delay.wrapping_sub(smallest) as i32;
             let smallest = if late < 0 { delay } else { smallest };
             self.base = Some((time, smallest, now));
-            return late <= LATE.as_micros() as i32;
+            if late <= LATE.as_micros() as i32 {
+                self.candidate = None;
+                return true;
+            }
+            return self.restarted(now, delay, gap >= GAP, disarmed);
         }
         if advanced == 0 {
             return false;
         }
         let agreeing = match self.candidate {
-            Some((before, first, count)) => {
-                let advanced = time.wrapping_sub(before) as i32;
-                let differs = (delay.wrapping_sub(first) as i32).abs();
+            Some(Candidate::Back { last, first_delay, frames }) => {
+                let advanced = time.wrapping_sub(last) as i32;
+                let differs = (delay.wrapping_sub(first_delay) as i32).abs();
                 if advanced == 0 {
                     return false;
                 }
-                if advanced > 0 && differs <= AGREE_WITHIN { Some((first, count + 1)) } else { None }
+                (advanced > 0 && differs <= AGREE_WITHIN).then(|| (first_delay, frames.saturating_add(1)))
             }
-            None => None,
+            _ => None,
         };
-        let (first, count) = agreeing.unwrap_or((delay, 1));
-        if count >= AGREE {
+        let (first_delay, frames) = agreeing.unwrap_or((delay, 1));
+        if frames >= AGREE {
             (self.base, self.candidate) = (Some((time, delay, now)), None);
             return true;
         }
-        self.candidate = Some((time, first, count));
+        self.candidate = Some(Candidate::Back { last: time, first_delay, frames });
+        false
+    }
+
+    /// Whether a late frame is one of a new clock, which counts from now on.
+    fn restarted(&mut self, now: Instant, delay: u32, gap: bool, disarmed: bool) -> bool {
+        let (first_delay, since) = match self.candidate {
+            Some(Candidate::Late { first_delay, since }) if !gap => (first_delay, since),
+            _ if gap => (delay, now),
+            _ => {
+                self.candidate = None;
+                return false;
+            }
+        };
+        let differs = delay.wrapping_sub(first_delay) as i32;
+        // Frames that were held back come with less delay each.
+        let draining = differs < -AGREE_WITHIN;
+        let (first_delay, since) = if draining { (delay, now) } else { (first_delay, since) };
+        let settled = now.saturating_duration_since(since) >= SETTLED && differs <= AGREE_WITHIN;
+        if settled && disarmed {
+            self.base = self.base.map(|(time, _, _)| (time, first_delay, now));
+            self.candidate = None;
+            return true;
+        }
+        self.candidate = Some(Candidate::Late { first_delay, since });
         false
     }
 }
@@ -120,7 +164,7 @@ mod tests {
     fn stream(clock: &mut FrameClock, begin: u64, first: u32, delays: &[u64]) -> std::vec::Vec<bool> {
         let frame = |(i, delay): (usize, &u64)| {
             let now = Instant::from_micros(begin + i as u64 * 25_000 + delay * 1000);
-            clock.counts(now, first.wrapping_add(i as u32 * 25_000))
+            clock.counts(now, first.wrapping_add(i as u32 * 25_000), true)
         };
         delays.iter().enumerate().map(frame).collect()
     }
@@ -130,8 +174,8 @@ mod tests {
         let mut clock = FrameClock::default();
         assert_eq!(stream(&mut clock, 1_000_000, 5_000_000, &[10, 0, 299, 10]), [true; 4]);
         let now = Instant::from_micros(1_080_000);
-        assert!(!clock.counts(now, 5_075_000), "repeated");
-        assert!(!clock.counts(now, 5_050_000), "older");
+        assert!(!clock.counts(now, 5_075_000, true), "repeated");
+        assert!(!clock.counts(now, 5_050_000, true), "older");
         assert_eq!(stream(&mut clock, 1_100_000, 5_100_000, &[0, 310, 310, 0]), [true, false, false, true]);
     }
 
@@ -143,7 +187,7 @@ mod tests {
         let mut clock = FrameClock::default();
         for second in 0..3600_u64 {
             assert!(
-                clock.counts(Instant::from_micros(second * 1_000_500), second as u32 * 1_000_000),
+                clock.counts(Instant::from_micros(second * 1_000_500), second as u32 * 1_000_000, true),
                 "{second} s"
             );
         }
@@ -156,10 +200,50 @@ mod tests {
         assert_eq!(stream(&mut clock, 9_000_000, 2_000_000, &[0; 5]), [false, false, true, true, true]);
         // A burst of old frames is none: they do not come as they were sent.
         let now = Instant::from_micros(20_000_000);
-        assert!(clock.counts(now, 13_000_000));
+        assert!(clock.counts(now, 13_000_000, true));
         for i in 0..40 {
-            assert!(!clock.counts(now, 3_000_000 + i * 200_000));
+            assert!(!clock.counts(now, 3_000_000 + i * 200_000, true));
         }
-        assert!(clock.counts(now, 13_025_000));
+        assert!(clock.counts(now, 13_025_000, true));
+    }
+
+    /// A clock of 2 s, then a gap, then a clock that is 5 s behind, with these delays in ms on top.
+    fn behind_a_gap(clock: &mut FrameClock, delays: &[u64]) -> std::vec::Vec<bool> {
+        assert!(stream(clock, 1_000_000, 0, &[0; 80]).into_iter().all(|counts| counts));
+        stream(clock, 14_000_000, 8_000_000, delays)
+    }
+
+    #[test]
+    fn a_clock_that_is_past_the_old_one_begins_anew_when_its_delay_has_settled() {
+        let counted = behind_a_gap(&mut FrameClock::default(), &[20; 400]);
+        let first = counted.iter().position(|&counts| counts).expect("a new clock");
+        assert!((118..=122).contains(&first) && counted[first..].iter().all(|&counts| counts), "{first}");
+        // Delays of a busy line on top of it make no difference.
+        let busy: std::vec::Vec<u64> = (0..400).map(|i| 20 + [0, 60, 90][i % 3]).collect();
+        assert!(behind_a_gap(&mut FrameClock::default(), &busy)[130..].iter().all(|&counts| counts));
+    }
+
+    #[test]
+    fn frames_that_were_held_back_do_not_count() {
+        // They drain: each has 15 ms less, until they are on time. The clock before the gap had a delay of 0.
+        let mut clock = FrameClock::default();
+        assert!(stream(&mut clock, 1_000_000, 1_000_000, &[0; 80]).into_iter().all(|counts| counts));
+        let drains: std::vec::Vec<u64> = (0..400).map(|i: u64| 5000_u64.saturating_sub(15 * i)).collect();
+        let counted = stream(&mut clock, 3_000_000, 3_000_000, &drains);
+        let on_time = drains.iter().position(|&delay| delay <= 310).expect("on time");
+        assert!(counted[..on_time].iter().all(|&counts| !counts) && counted[on_time..].iter().all(|&c| c));
+        // They are held back longer and longer, without a gap.
+        let held: std::vec::Vec<u64> = (0..800).map(|i: u64| (20 * i).min(5000)).collect();
+        assert!(!stream(&mut clock, 20_000_000, 20_000_000, &held)[20..].iter().any(|&counts| counts));
+    }
+
+    #[test]
+    fn an_armed_vehicle_has_not_restarted() {
+        let mut clock = FrameClock::default();
+        stream(&mut clock, 1_000_000, 0, &[0; 80]);
+        for i in 0..400 {
+            let now = Instant::from_micros(14_000_000 + i * 25_000);
+            assert!(!clock.counts(now, 8_000_000 + i as u32 * 25_000, false), "{i}");
+        }
     }
 }

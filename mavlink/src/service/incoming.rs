@@ -11,7 +11,7 @@ use crate::frame::{Address, Frame};
 use crate::ids::{CMD_SET_MESSAGE_INTERVAL, Severity};
 use crate::servo::throttle;
 use crate::settings::DemandSource;
-use crate::vehicle::VehicleEvent;
+use crate::vehicle::{Arming, VehicleEvent};
 use embassy_time::Instant;
 use jetlink::command::Order;
 use mavlink_core::MessageData;
@@ -155,7 +155,8 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     fn outputs(&mut self, now: Instant, outputs: &Fields) {
         let of = usize::from(outputs.u8(servo_output_raw::PORT));
         let Some(clock) = self.clocks.get_mut(of) else { return };
-        if !clock.counts(now, outputs.u32(servo_output_raw::TIME_USEC)) {
+        let disarmed = self.vehicle.arming() == Arming::Disarmed;
+        if !clock.counts(now, outputs.u32(servo_output_raw::TIME_USEC), disarmed) {
             self.counters.demands_late = self.counters.demands_late.wrapping_add(1);
             return;
         }

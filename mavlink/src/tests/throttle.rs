@@ -123,6 +123,45 @@ fn a_dead_autopilot_leads_to_the_stages_of_loss_and_its_return_is_no_jump() {
     });
 }
 
+/// The autopilot dies 4 s after its start, and is back with a clock that is past its old one and 5 s behind it.
+async fn restarts_early(world: &World<'_>) {
+    world.plane.booted.set(Instant::now());
+    world.pass(4.0).await;
+    world.plane.alive.set(false);
+    world.pass(5.0).await;
+    world.plane.booted.set(world.plane.booted.get() + Duration::from_secs(5));
+    world.plane.alive.set(true);
+}
+
+#[test]
+fn an_autopilot_that_restarts_in_its_first_seconds_is_followed_again() {
+    run(async |world| {
+        world.ready().await;
+        world.plane.armed.set(false);
+        world.pass(3.0).await;
+        restarts_early(world).await;
+        world.pass(6.0).await;
+        world.plane.armed.set(true);
+        world.pass(3.0).await;
+        world.start(1).await;
+        world.throttle(1500);
+        world.until("half throttle", 10, || world.ordered(1) == Some(500)).await;
+    });
+}
+
+/// To an armed vehicle the same stream is one that a radio holds back.
+#[test]
+fn a_stream_of_an_armed_vehicle_that_comes_late_from_a_gap_on_is_lost() {
+    run(async |world| {
+        world.ready().await;
+        world.start(1).await;
+        world.throttle(1500);
+        restarts_early(world).await;
+        world.pass(30.0).await;
+        assert_eq!((world.telemetry(1).loss, world.ordered(1)), (LossStage::FailSafe, Some(0)));
+    });
+}
+
 #[test]
 fn other_vehicles_and_other_ports_move_nothing() {
     run(async |world| {
