@@ -319,7 +319,7 @@ impl Seal<'_> {
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "signing"))]
 mod tests {
     use super::*;
 

@@ -6,6 +6,7 @@ mod commands;
 mod fram;
 mod mutated;
 mod parameters;
+#[cfg(feature = "signing")]
 mod signing;
 mod store;
 mod streams;
