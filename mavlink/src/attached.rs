@@ -50,6 +50,20 @@ pub trait Attached: Debug {
     /// Why it was refused, with nothing changed.
     fn set(&mut self, engine: usize, name: &str, number: i32) -> Result<(), Refusal>;
 
+    /// Begins a calibration of the stick of an engine, or ends it: then its end points are those that were seen meanwhile, in the
+    /// settings [`Attached::calibrated`].
+    ///
+    /// # Errors
+    /// Why not, with no setting changed.
+    fn calibrate(&mut self, _engine: usize, _begin: bool) -> Result<(), Refusal> {
+        Err(Refusal::NoReceiver)
+    }
+
+    /// The settings that a calibration changes: both ends of the stick.
+    fn calibrated(&self) -> [&'static str; 2] {
+        [""; 2]
+    }
+
     /// The stored settings are damaged, or have been confirmed: while they are damaged, nothing may start an engine.
     fn set_damaged(&mut self, damaged: bool);
 

@@ -59,6 +59,8 @@ pub enum Refusal {
     NotDamaged,
     /// An engine is not seen at rest.
     NotAtRest,
+    /// The node has no receiver of radio control.
+    NoReceiver,
 }
 
 impl Refusal {
@@ -125,6 +127,7 @@ impl core::fmt::Display for Refusal {
             }
             Self::NotDamaged => f.write_str("the settings are not damaged"),
             Self::NotAtRest => f.write_str("all engines have to be seen at rest"),
+            Self::NoReceiver => f.write_str("the node has no receiver of radio control"),
         }
     }
 }

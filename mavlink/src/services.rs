@@ -21,7 +21,7 @@ pub struct Row {
 }
 
 /// The table of services.
-pub const TABLE: [Row; 8] = [
+pub const TABLE: [Row; 10] = [
     Row {
         number: 1,
         params: "param2 = 21196",
@@ -50,6 +50,16 @@ pub const TABLE: [Row; 8] = [
         params: "param2 = 21196",
         text: "To the node, with all engines at rest: where the stored settings were damaged, those of now are right and are stored.",
     },
+    Row {
+        number: 40,
+        params: "",
+        text: "With radio control, the engine at rest: begin a calibration of the stick. Move it from end to end. Meanwhile radio control commands nothing but a stop.",
+    },
+    Row {
+        number: 41,
+        params: "",
+        text: "End it: RC_THR_MIN and RC_THR_MAX become what was seen, and are stored.",
+    },
 ];
 
 const _: () = assert!(CMD_USER_1 == 31010);
@@ -61,6 +71,8 @@ pub(crate) enum NodeService {
     Release,
     Stop,
     ConfirmSettings,
+    /// Begin, or end.
+    CalibrateStick(bool),
     Ecu(Service),
 }
 
@@ -78,6 +90,8 @@ pub(crate) fn find(params: [f32; 7]) -> Result<NodeService, &'static str> {
         Some(2) => Ok(NodeService::Release),
         Some(3) => Ok(NodeService::Stop),
         Some(30) => Ok(NodeService::ConfirmSettings),
+        Some(40) => Ok(NodeService::CalibrateStick(true)),
+        Some(41) => Ok(NodeService::CalibrateStick(false)),
         Some(10) => Ok(NodeService::Ecu(Service::Amt(amt::config::Service::Ctf))),
         Some(20) => unsigned()
             .and_then(|number| Action::ALL.into_iter().find(|action| u32::from(action.code()) == number))
@@ -105,7 +119,7 @@ mod tests {
 
     #[test]
     fn each_row_is_a_service_and_nothing_else_is() {
-        for number in -5..40 {
+        for number in -5..50 {
             let seconds = [0, 1, 10, 13, 70, 5100, MAGIC];
             let known = seconds.iter().any(|&second| of(number as f32, second as f32).is_ok());
             assert_eq!(known, TABLE.iter().any(|row| row.number == number), "{number}");

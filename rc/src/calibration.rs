@@ -16,13 +16,20 @@ pub enum CalibrationError {
     TooShort,
 }
 
-impl core::fmt::Display for CalibrationError {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.write_str(match self {
+impl CalibrationError {
+    /// What to do.
+    pub const fn text(self) -> &'static str {
+        match self {
             Self::EngineTurns => "stop the engine first",
             Self::NotBegun => "begin a calibration first",
             Self::TooShort => "move the stick from one end to the other and try again",
-        })
+        }
+    }
+}
+
+impl core::fmt::Display for CalibrationError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(self.text())
     }
 }
 

@@ -1,5 +1,6 @@
 //! Radio control and outputs for MAVLink: their settings are parameters of each engine, and what they do is reported.
 
+use crate::calibration::CalibrationError;
 use crate::service::Service;
 use crate::settings::{EngineSettings, OutputSettings, SettingsError};
 use crate::shared::{Changes, Shared};
@@ -112,6 +113,20 @@ impl<const N: usize> Attached for Parameters<'_, '_, N> {
         let outputs = self.outputs.as_mut().and_then(|outputs| outputs.settings.get_mut(engine));
         let done = outputs.is_some_and(|outputs| outputs.set(name, number));
         if done { Ok(()) } else { Err(Refusal::UnknownSetting) }
+    }
+
+    fn calibrate(&mut self, engine: usize, begin: bool) -> Result<(), Refusal> {
+        let mut radio = self.radio.ok_or(Refusal::NoReceiver)?.borrow_mut();
+        let pilot = radio.pilot_mut(engine).ok_or(Refusal::NoReceiver)?;
+        let done = if begin { pilot.begin_calibration() } else { pilot.end_calibration().map(|_| ()) };
+        done.map_err(|error| match error {
+            CalibrationError::EngineTurns => Refusal::Turns,
+            error => Refusal::Malformed(error.text()),
+        })
+    }
+
+    fn calibrated(&self) -> [&'static str; 2] {
+        ["RC_THR_MIN", "RC_THR_MAX"]
     }
 
     fn set_damaged(&mut self, damaged: bool) {

@@ -148,7 +148,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
                 Some(1) => self.emergency_stop(now, place),
                 _ => refuse(Refusal::Malformed("DO_FLIGHTTERMINATION: param1 has to be 1")),
             },
-            (CMD_USER_1, _) => self.user_service(now, place, params),
+            (CMD_USER_1, _) => self.user_service(now, port, place, params),
             (CMD_PREFLIGHT_REBOOT_SHUTDOWN, Place::Node) => match whole(first) {
                 Some(1) if self.any_turns() => refuse(Refusal::Turns),
                 Some(1) => {
@@ -177,7 +177,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         Ok(Ack::Accepted)
     }
 
-    fn user_service(&mut self, now: Instant, place: Place, params: [f32; 7]) -> Answer {
+    fn user_service(&mut self, now: Instant, port: usize, place: Place, params: [f32; 7]) -> Answer {
         let service = match services::find(params) {
             Ok(service) => service,
             Err(what) => return refuse(Refusal::Malformed(what)),
@@ -188,10 +188,15 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
             (NodeService::ConfirmSettings, _) => {
                 refuse(Refusal::Malformed("address the component of the node"))
             }
+            (NodeService::CalibrateStick(begin), Place::Engine(engine)) => {
+                done(self.calibrate_stick(now, port, engine, begin))
+            }
             (service, Place::Engine(engine)) => {
                 let Some(engine) = self.engines.get_mut(engine) else { return Ok(Ack::Unsupported) };
                 done(match service {
-                    NodeService::EmergencyStop | NodeService::ConfirmSettings => Ok(()),
+                    NodeService::EmergencyStop
+                    | NodeService::ConfirmSettings
+                    | NodeService::CalibrateStick(_) => Ok(()),
                     NodeService::Release => engine.release(),
                     NodeService::Stop => engine.stop(now),
                     NodeService::Ecu(service) => engine.service(service),

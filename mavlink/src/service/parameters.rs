@@ -163,6 +163,44 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         } else {
             self.set(place, row, value)
         };
+        self.keep(now, port, place, index, old, result);
+    }
+
+    /// Begins a calibration of an engine's stick, or ends it. Its end points are settings, and are stored and answered as such.
+    pub(super) fn calibrate_stick(
+        &mut self,
+        now: Instant,
+        port: usize,
+        engine: usize,
+        begin: bool,
+    ) -> Result<(), Refusal> {
+        if begin {
+            return self.attached.calibrate(engine, true);
+        }
+        let names = self.attached.calibrated();
+        if self.pending.capacity() - self.pending.len() < names.len() {
+            return Err(Refusal::StoreBusy);
+        }
+        let old = names.map(|name| self.attached.number(engine, name).unwrap_or_default());
+        self.attached.calibrate(engine, false)?;
+        let place = Place::Engine(engine);
+        for (name, old) in names.into_iter().zip(old) {
+            let Some((index, _)) = self.position(place, Name::of(name.as_bytes())) else { continue };
+            self.keep(now, port, place, index, old, Ok(()));
+        }
+        Ok(())
+    }
+
+    /// Has a setting stored that was changed, and answers it then; at once where it was refused, or none is stored.
+    fn keep(
+        &mut self,
+        now: Instant,
+        port: usize,
+        place: Place,
+        index: usize,
+        old: i32,
+        result: Result<(), Refusal>,
+    ) {
         if result.is_ok() && self.keeping == Keeping::Stored {
             // There is space. It is answered when it is stored.
             let _ = self.pending.push_back(Pending { port, place, index, old });

@@ -69,6 +69,22 @@ impl Attached for Toy {
         Ok(())
     }
 
+    fn calibrate(&mut self, engine: usize, begin: bool) -> Result<(), Refusal> {
+        match (self.0.on.get(), self.0.refuses.get(), begin) {
+            (false, ..) => Err(Refusal::NoReceiver),
+            (true, true, _) => Err(Refusal::Turns),
+            (true, false, true) => Ok(()),
+            (true, false, false) => {
+                self.0.numbers.borrow_mut()[engine][1..].copy_from_slice(&[11, 19]);
+                Ok(())
+            }
+        }
+    }
+
+    fn calibrated(&self) -> [&'static str; 2] {
+        ["TOY_B", "TOY_C"]
+    }
+
     fn set_damaged(&mut self, damaged: bool) {
         self.0.damaged.set(damaged);
     }
@@ -183,6 +199,56 @@ fn they_are_set_refused_and_stored_as_records_of_their_own() {
         assert_eq!(keys, [0, 1, 2, 0x81, 0x82]);
         let (_, of_engine) = service.record(2).unwrap();
         assert_eq!(record::read_attached(ROWS, &of_engine).count(), 0);
+    });
+}
+
+/// Its end points are settings: answered as such, and stored before that; given back where the store does not take them.
+#[test]
+fn a_calibration_of_the_stick_sets_its_end_points() {
+    const BEGIN: [f32; 1] = [40.0];
+    const END: [f32; 1] = [41.0];
+    run(async |world| {
+        world.ready().await;
+        let (answer, text) = world.command(ENGINE[1], 31010, &BEGIN).await;
+        assert!(answer == Some(1) && text.contains("no receiver"), "{answer:?} {text}");
+        world.toy.on.set(true);
+        let (answer, text) = world.command(NODE, 31010, &BEGIN).await;
+        assert!(answer == Some(2) && text.contains("component of an engine"), "{answer:?} {text}");
+        world.toy.refuses.set(true);
+        for command in [BEGIN, END] {
+            let (answer, text) = world.command(ENGINE[1], 31010, &command).await;
+            assert!(answer == Some(1) && text.contains("an engine turns"), "{answer:?} {text}");
+        }
+        world.toy.refuses.set(false);
+        assert_eq!(world.command(ENGINE[1], 31010, &BEGIN).await.0, Some(0));
+        assert_eq!(*world.toy.numbers.borrow(), [[0; 3]; 2]);
+        let at = world.frames.borrow().len();
+        assert_eq!(world.command(ENGINE[1], 31010, &END).await.0, Some(0));
+        let values = |at| {
+            let frames = world.frames.borrow();
+            let frames = frames.iter().skip(at).filter(|(_, port, _)| *port == TO_GROUND);
+            let values = frames.filter_map(|(_, _, frame)| match frame.message() {
+                MavMessage::PARAM_VALUE(value) => {
+                    Some((value.param_id.to_str().unwrap().to_string(), value.param_value))
+                }
+                _ => None,
+            });
+            values.collect::<Vec<_>>()
+        };
+        assert_eq!(values(at), [("TOY_B".to_string(), 11.0), ("TOY_C".to_string(), 19.0)]);
+
+        *world.toy.numbers.borrow_mut() = [[0, 1, 2]; 2];
+        world.service.borrow_mut().set_keeping(Keeping::Stored);
+        let at = world.frames.borrow().len();
+        assert_eq!(world.command(ENGINE[1], 31010, &END).await.0, Some(0));
+        assert_eq!(values(at), [], "not before they are stored");
+        for result in [Ok(()), Err(NotSaved::Full)] {
+            assert!(world.service.borrow().next_save().is_some());
+            world.service.borrow_mut().saved(Instant::now(), result);
+            world.pass(0.2).await;
+        }
+        assert_eq!(values(at), [("TOY_B".to_string(), 11.0), ("TOY_C".to_string(), 2.0)]);
+        assert_eq!(*world.toy.numbers.borrow(), [[0, 1, 2], [0, 11, 2]]);
     });
 }
 

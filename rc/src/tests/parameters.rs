@@ -21,7 +21,7 @@ use jetlink::units::{Rpm, Throttle};
 use jetlink_mavlink::attached::{self, Attached};
 use jetlink_mavlink::refusal::Refusal;
 use sim::clock;
-use sim::receiver::sbus;
+use sim::receiver::{sbus, steps};
 use sim::zk::{ZkConfig, ZkEcu};
 use std::cell::RefCell;
 use std::string::ToString;
@@ -75,6 +75,29 @@ fn calibration_of_stick_and_switch_is_refused_while_the_engine_turns() {
             ..EngineSettings::DEFAULT
         };
         assert_eq!(radio.borrow().pilots()[0].settings(), &expected);
+        // A calibration sets the end points that were seen, and nothing where it was none.
+        let see = |pulses: [u16; 2]| {
+            let mut now = embassy_time::Instant::now();
+            for pulse in pulses.into_iter().flat_map(|pulse| [pulse; 4]) {
+                let mut steps = [steps(1500); 16];
+                steps[2] = self::steps(pulse);
+                now += Duration::from_millis(14);
+                radio.borrow_mut().receive(now, &sbus(steps, 0), false, |_, _| {});
+            }
+        };
+        let not = |why: &str| Refusal::Malformed(std::string::String::from(why).leak());
+        assert_eq!(parameters.calibrate(0, false), Err(not("begin a calibration first")));
+        for (pulses, done) in [
+            ([1400, 1500], Err(not("move the stick from one end to the other and try again"))),
+            ([1000, 2000], Ok(())),
+        ] {
+            assert_eq!(parameters.calibrate(0, true), Ok(()));
+            see(pulses);
+            assert_eq!(parameters.calibrate(0, false), done);
+        }
+        assert_eq!(parameters.calibrated().map(|name| parameters.number(0, name)), [Some(1000), Some(2000)]);
+        assert_eq!(parameters.calibrate(1, true), Err(Refusal::NoReceiver));
+        assert_eq!(parameters.set(0, "RC_THR_MIN", 1200), Ok(()));
         // What contradicts another one is refused, with a reason.
         for (name, number, why) in [
             ("RC_THR_MAX", 1400, "RC_THR_MAX has to be 300 µs above RC_THR_MIN or more"),
@@ -105,6 +128,9 @@ fn calibration_of_stick_and_switch_is_refused_while_the_engine_turns() {
         });
         let running = select(stream(Command::Run(Demand::Throttle(Throttle::IDLE))), running).await;
         assert!(matches!(running, embassy_futures::select::Either::Second(true)));
+        for begin in [true, false] {
+            assert!(parameters.calibrate(0, begin).is_err_and(|why| why == Refusal::Turns || !begin));
+        }
         for row in EngineSettings::ROWS {
             let before = parameters.number(0, row.name).unwrap();
             assert_eq!(parameters.set(0, row.name, before), Err(Refusal::Turns), "{}", row.name);
