@@ -23,7 +23,7 @@ fn main() {
     let [name] = chosen.as_slice() else {
         panic!("the firmware needs exactly one board-* feature, not {chosen:?}");
     };
-    println!("cargo:rustc-check-cfg=cfg(board_divider)");
+    println!("cargo:rustc-check-cfg=cfg(board_divider, board_pulses)");
     let behind_bootloader = env::var_os("CARGO_FEATURE_ARDUPILOT_BOOTLOADER").is_some();
 
     // memory.x in the package root includes board.x, which the linker finds in the folder added
@@ -39,6 +39,9 @@ fn main() {
             println!("cargo:rustc-env=JETLINK_PORTS={}", board.ports.len());
             println!("cargo:rustc-env=JETLINK_RADIO_PORT={}", board.radio);
             println!("cargo:rustc-env=JETLINK_OUTPUTS={:02}", board.outputs.len());
+            if board.pulses.is_some() {
+                println!("cargo:rustc-cfg=board_pulses");
+            }
             // Only the converter of the H7 is read (src/board/supply.rs).
             if board.supply.is_some() && board.chip.family == Family::H7 {
                 println!("cargo:rustc-cfg=board_divider");
@@ -113,6 +116,16 @@ fn code(board: &Board) -> String {
         format!("{} {gpio} {number} {:?} {},", output.pin, output.label, output.low_before)
     });
     line(format!("outputs: [{}],", outputs.collect::<Vec<_>>().join(" ")));
+    let pulses = board.pulses.map(|inputs| {
+        let pins = inputs.pins.map(|pin| {
+            let output = board.outputs.iter().position(|output| output.pin == pin);
+            let output = output.unwrap_or_else(|| panic!("{pin}: servo pulses come in at outputs"));
+            let (gpio, number) = place(pin);
+            format!("{pin} {gpio} {number} {output},")
+        });
+        format!("{} {} {}", inputs.timer, inputs.interrupt, pins.join(" "))
+    });
+    line(format!("pulses: [{}],", pulses.unwrap_or_default()));
     let supply = board.supply.map(|supply| format!("{} {}", supply.pin, supply.tenths));
     line(format!("supply: [{}],", supply.unwrap_or_default()));
     let fram = board.fram.map(|fram| {

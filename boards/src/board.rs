@@ -23,6 +23,8 @@ pub struct Board {
     pub radio: u8,
     /// Pins for fuel valves and for the power of starters and ignitions, by number, from 0.
     pub outputs: &'static [Output],
+    /// Outputs that can be inputs for servo pulses instead.
+    pub pulses: Option<PulseInputs>,
     /// Divider of the supply in front of an analogue input.
     pub supply: Option<Divider>,
     /// Memory for settings, if not the chip's own flash.
@@ -271,6 +273,17 @@ pub(crate) const TELEMETRY_RTS: &str = "RTS of the port of MAVLink: ready";
 pub enum Level {
     Low,
     High,
+}
+
+/// Inputs for the servo pulses of a receiver, on the four channels of a timer with 16 bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PulseInputs {
+    /// Timer.
+    pub timer: &'static str,
+    /// Its interrupt for captures.
+    pub interrupt: &'static str,
+    /// Pins of its channels 1 to 4, which are channels 1 to 4 of the receiver. Each is an output of the board.
+    pub pins: [&'static str; 4],
 }
 
 /// An analogue input of the ADC that measures the supply.

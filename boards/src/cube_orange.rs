@@ -26,6 +26,7 @@ pub static BOARD: Board = Board {
     // PWM(1) to PWM(6) of hwdef.inc are known, but a level shifter that PB4 switches (PWM_VOLT_SEL) lies between them and their
     // sockets. What it puts out while its input floats is not known, and no pull-down at the socket reaches that input.
     outputs: &[],
+    pulses: None,
     supply: None,
     // It has one on SPI2, but its supply may be that of the sensors, which is off here.
     fram: None,

@@ -6,7 +6,7 @@
 
 use crate::board::Before::{Floats, Listens};
 use crate::board::{
-    Board, Bootloader, Clock, Divider, Led, Level, Output, Port, STM32H743VI, TELEMETRY_RTS, low,
+    Board, Bootloader, Clock, Divider, Led, Level, Output, Port, PulseInputs, STM32H743VI, TELEMETRY_RTS, low,
 };
 
 pub static BOARD: Board = Board {
@@ -44,6 +44,8 @@ pub static BOARD: Board = Board {
         Output::new("PE5", "pad S11"),
         Output::new("PE6", "pad S12"),
     ],
+    // The pads' timer in hwdef.dat.
+    pulses: Some(PulseInputs { timer: "TIM4", interrupt: "TIM4", pins: ["PD12", "PD13", "PD14", "PD15"] }),
     // BATT_VOLTAGE_SENS and HAL_BATT_VOLT_SCALE in hwdef.dat.
     supply: Some(Divider { pin: "PC0", tenths: 110, label: "the battery's, pad Vbat" }),
     fram: None,

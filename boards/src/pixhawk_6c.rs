@@ -39,6 +39,8 @@ pub static BOARD: Board = Board {
         Output::low_before("PA0", "FMU PWM OUT 7"),
         Output::low_before("PA1", "FMU PWM OUT 8"),
     ],
+    // The bootloader drives these pins low, against a receiver.
+    pulses: None,
     supply: None,
     fram: Some(Fram { spi: "SPI2", sck: "PD3", miso: "PC2", mosi: "PC3", select: "PD4" }),
     led: Led { pin: "PD11", lit: Level::Low, open_drain: true, label: "blue" }, // red is PD10

@@ -9,7 +9,8 @@
 
 use crate::board::Before::{Floats, Listens};
 use crate::board::{
-    Board, Bootloader, Clock, Fram, Led, Level, Output, Port, STM32F427VI, TELEMETRY_RTS, high, low,
+    Board, Bootloader, Clock, Fram, Led, Level, Output, Port, PulseInputs, STM32F427VI, TELEMETRY_RTS, high,
+    low,
 };
 
 pub static BOARD: Board = Board {
@@ -41,6 +42,8 @@ pub static BOARD: Board = Board {
         Output::new("PD13", "servo output 5"),
         Output::new("PD14", "servo output 6"),
     ],
+    // PWM(4) to PWM(1) in hwdef.dat.
+    pulses: Some(PulseInputs { timer: "TIM1", interrupt: "TIM1_CC", pins: ["PE9", "PE11", "PE13", "PE14"] }),
     supply: None,
     // SCK was PB13 on beta boards (hwdef.dat).
     fram: Some(Fram { spi: "SPI2", sck: "PB10", miso: "PB14", mosi: "PB15", select: "PD10" }),

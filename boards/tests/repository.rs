@@ -1,6 +1,6 @@
 //! The boards in the rest of the repository, compared with the table.
 
-use boards::{BOARDS, Before, Board, Clock, Divider, Fram};
+use boards::{BOARDS, Before, Board, Clock, Divider, Fram, PulseInputs};
 
 const CARGO: &str = include_str!("../../Cargo.toml");
 const README: &str = include_str!("../../README.md");
@@ -156,6 +156,13 @@ fn section(board: &Board) -> String {
     let lines = if board.chip.family.inverts() { "SBUS or CRSF" } else { "CRSF, or SBUS behind an inverter" };
     rows += &format!("\nReceiver of radio control: port {}, {} ({lines}).\n", board.radio, radio.label);
     rows += &outputs(board);
+    if let Some(PulseInputs { timer, pins, .. }) = board.pulses {
+        let pads = pins.map(|pin| board.outputs.iter().find(|output| output.pin == pin).unwrap().label);
+        rows += &format!(
+            "\nServo pulses, channels 1 to 4 ({timer}), in place of these outputs: {}.\n",
+            pads.join(", ")
+        );
+    }
     if let Some(Divider { pin, tenths, label }) = board.supply {
         let (whole, tenth) = (tenths / 10, tenths % 10);
         rows +=

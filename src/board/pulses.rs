@@ -1,40 +1,40 @@
-//! Servo pulses of a receiver on four inputs of a timer: pads S7 to S10 of the Matek H743-WING, channels 1 to 4 of TIM4. No emulator shows
-//! it.
+//! Servo pulses of a receiver on the four channels of a timer (`boards/` has the boards with one). No emulator shows it.
 //!
 //! The timer counts µs and catches both edges of each pulse; the level of the pin says which edge it was. Nothing is known of a pulse whose
 //! beginning was not seen.
 
 /// The board's outputs that are these inputs instead, if it has any.
-#[cfg(not(feature = "board-matek-h743"))]
+#[cfg(not(board_pulses))]
 pub const OUTPUTS: Option<[u8; 4]> = None;
 /// The board's outputs that are these inputs instead, if it has any.
-#[cfg(feature = "board-matek-h743")]
-pub const OUTPUTS: Option<[u8; 4]> = Some([6, 7, 8, 9]);
+#[cfg(board_pulses)]
+pub const OUTPUTS: Option<[u8; 4]> = Some(super::table::capture::OUTPUTS);
 
-#[cfg(feature = "board-matek-h743")]
-pub use self::timer::{begin, next};
+#[cfg(board_pulses)]
+pub use self::timer::{begin, captured, next};
 
 /// Without inputs there is nothing to begin.
-#[cfg(not(feature = "board-matek-h743"))]
+#[cfg(not(board_pulses))]
 pub fn begin() {}
 
 /// Without inputs there is no pulse.
-#[cfg(not(feature = "board-matek-h743"))]
+#[cfg(not(board_pulses))]
 pub async fn next() -> jetlink_rc::runner::MeasuredPulse {
     core::future::pending().await
 }
 
-#[cfg(feature = "board-matek-h743")]
+#[cfg(board_pulses)]
 mod timer {
+    use super::super::table::capture::{self, PINS, REGISTERS};
     use core::cell::RefCell;
     use embassy_futures::select::{Either, select};
     use embassy_stm32::gpio::Pull;
-    use embassy_stm32::interrupt::typelevel::{Interrupt, TIM4 as TIM4_INTERRUPT};
+    use embassy_stm32::interrupt::typelevel::Interrupt;
     use embassy_stm32::pac::gpio::vals::Idr;
+    use embassy_stm32::time::Hertz;
     use embassy_stm32::timer::Channel;
     use embassy_stm32::timer::input_capture::{CapturePin, Ch1, Ch2, Ch3, Ch4};
     use embassy_stm32::timer::low_level::{FilterValue, InputCaptureMode, InputTISelection, Timer as Driver};
-    use embassy_stm32::{interrupt, pac, peripherals, time::Hertz};
     use embassy_sync::blocking_mutex::{Mutex, raw::CriticalSectionRawMutex};
     use embassy_sync::channel;
     use embassy_time::{Duration, Instant, Timer};
@@ -49,8 +49,6 @@ mod timer {
     };
 
     const CHANNELS: [Channel; 4] = [Channel::Ch1, Channel::Ch2, Channel::Ch3, Channel::Ch4];
-    /// Number of the first pin, PD12.
-    const FIRST_PIN: usize = 12;
     /// The counter has 16 bits: what is longer is measured by the clock of the node.
     const COUNTS: Duration = Duration::from_millis(60);
     /// Edges of a channel in this time that are taken. More are noise: its interrupts rest then, as they are above every engine.
@@ -80,14 +78,14 @@ mod timer {
         // SAFETY: the table of the board reserves these pins as outputs, and a check keeps outputs off them while they are inputs; nothing
         // else uses the timer. They are pulled down: a broken wire is silent.
         let (mut timer, pins) = unsafe {
-            use peripherals::{PD12, PD13, PD14, PD15, TIM4};
+            let (one, two, three, four) = capture::steal();
             let pins = (
-                CapturePin::<TIM4, Ch1>::new(PD12::steal(), Pull::Down),
-                CapturePin::<TIM4, Ch2>::new(PD13::steal(), Pull::Down),
-                CapturePin::<TIM4, Ch3>::new(PD14::steal(), Pull::Down),
-                CapturePin::<TIM4, Ch4>::new(PD15::steal(), Pull::Down),
+                CapturePin::<capture::Timer, Ch1>::new(one, Pull::Down),
+                CapturePin::<capture::Timer, Ch2>::new(two, Pull::Down),
+                CapturePin::<capture::Timer, Ch3>::new(three, Pull::Down),
+                CapturePin::<capture::Timer, Ch4>::new(four, Pull::Down),
             );
-            (Driver::new(TIM4::steal()), pins)
+            (Driver::new(capture::Timer::steal()), pins)
         };
         // They stay as they are: dropped, they would float.
         core::mem::forget(pins);
@@ -104,9 +102,9 @@ mod timer {
         }
         timer.start();
         core::mem::forget(timer);
-        TIM4_INTERRUPT::unpend();
+        capture::Interrupt::unpend();
         // SAFETY: its handler is below, and its data is behind a lock.
-        unsafe { TIM4_INTERRUPT::enable() };
+        unsafe { capture::Interrupt::enable() };
     }
 
     /// Waits for the end of a pulse on any of the inputs.
@@ -117,7 +115,7 @@ mod timer {
                 Either::First(pulse) => return pulse,
                 // Inputs that rest are tried again.
                 Either::Second(()) => critical_section(|| {
-                    pac::TIM4
+                    REGISTERS
                         .dier()
                         .modify(|w| (0..CHANNELS.len()).for_each(|place| w.set_ccie(place, true)));
                 }),
@@ -129,8 +127,8 @@ mod timer {
         INPUTS.lock(|_| act());
     }
 
-    #[interrupt]
-    fn TIM4() {
+    /// The interrupt of the timer.
+    pub fn captured() {
         if IS_USED {
             edges();
         }
@@ -139,22 +137,23 @@ mod timer {
     /// Takes the edges that the timer has caught.
     #[expect(clippy::disallowed_methods, reason = "an edge is stamped where it is caught")]
     fn edges() {
-        let flags = pac::TIM4.sr().read();
+        let flags = REGISTERS.sr().read();
         let now = Instant::now();
         INPUTS.lock(|inputs| {
-            for (place, input) in
-                inputs.borrow_mut().iter_mut().enumerate().filter(|(place, _)| flags.ccif(*place))
-            {
+            for ((place, input), (gpio, pin)) in inputs.borrow_mut().iter_mut().enumerate().zip(PINS) {
+                if !flags.ccif(place) {
+                    continue;
+                }
                 // Reading it clears the flag.
-                let count = pac::TIM4.ccr(place).read().ccr();
-                let is_high = pac::GPIOD.idr().read().idr(FIRST_PIN + place) == Idr::HIGH;
+                let count = REGISTERS.ccr(place).read().ccr();
+                let is_high = gpio.idr().read().idr(pin) == Idr::HIGH;
                 if let Some((width, period)) = input.edge(now, count, is_high) {
                     // As many as wait are older than what counts: the rest is dropped.
                     let _ = PULSES.try_send(MeasuredPulse { number: place as u8 + 1, width, period });
                 }
                 if input.edges > MOST_EDGES {
                     *input = NOTHING;
-                    pac::TIM4.dier().modify(|w| w.set_ccie(place, false));
+                    REGISTERS.dier().modify(|w| w.set_ccie(place, false));
                 }
             }
         });

@@ -12,6 +12,7 @@ macro_rules! board {
         inverts: $inverts:literal,
         uarts: [$($each:ident $rx:ident $tx:ident,)*],
         outputs: [$($out:ident $out_gpio:ident $out_number:literal $out_label:literal $out_low:literal,)*],
+        pulses: [$($timer:ident $captured:ident $($in:ident $in_gpio:ident $in_number:literal $in_output:literal,)*)?],
         supply: [$($supply:ident $tenths:literal)?],
         fram: [$($spi:ident $sck:ident $miso:ident $mosi:ident $select:ident)?],
         led: $led:ident $lit:ident $drive:ident,
@@ -46,6 +47,41 @@ macro_rules! board {
 
         /// Their pins.
         pub const OUTPUT_PINS: &[(Gpio, usize)] = &[$((pac::$out_gpio, $out_number)),*];
+
+        /// The inputs for servo pulses.
+        $(
+            pub mod capture {
+                use embassy_stm32::pac::{self, gpio::Gpio, timer::TimGp16};
+                use embassy_stm32::{Peri, interrupt, peripherals};
+
+                pub use embassy_stm32::interrupt::typelevel::$captured as Interrupt;
+                pub use peripherals::$timer as Timer;
+
+                /// Its registers.
+                // SAFETY: those of a timer with 16 bits are the first of every timer with four channels.
+                pub const REGISTERS: TimGp16 = unsafe { TimGp16::from_ptr(pac::$timer.as_ptr()) };
+
+                /// The pins by channel, from channel 1 on.
+                pub const PINS: [(Gpio, usize); 4] = [$((pac::$in_gpio, $in_number)),*];
+
+                /// Their numbers as outputs.
+                pub const OUTPUTS: [u8; 4] = [$($in_output),*];
+
+                /// The pins.
+                ///
+                /// # Safety
+                /// Nothing else uses them.
+                pub unsafe fn steal() -> ($(Peri<'static, peripherals::$in>),*) {
+                    // SAFETY: the caller guarantees it.
+                    unsafe { ($(peripherals::$in::steal()),*) }
+                }
+
+                #[interrupt]
+                fn $captured() {
+                    super::super::pulses::captured();
+                }
+            }
+        )?
 
         /// The divider of the supply.
         $(
