@@ -63,11 +63,18 @@ impl Crate {
                     match inner.content {
                         Some((_, items)) => self.module(path, child, &folder.join(&name), items),
                         None => {
-                            let place = at(&inner.attrs).map(|file| path.parent().unwrap().join(file));
                             let flat = folder.join(format!("{name}.rs"));
                             let deep = folder.join(&name).join("mod.rs");
-                            let place = place.unwrap_or(if flat.exists() { flat } else { deep });
-                            self.file(&place, child, &folder.join(&name));
+                            let (place, folder) = match at(&inner.attrs) {
+                                // Its modules lie beside it.
+                                Some(file) => {
+                                    let place = path.parent().unwrap().join(file);
+                                    let beside = place.parent().unwrap().to_owned();
+                                    (place, beside)
+                                }
+                                None => (if flat.exists() { flat } else { deep }, folder.join(&name)),
+                            };
+                            self.file(&place, child, &folder);
                         }
                     }
                 }
@@ -334,6 +341,7 @@ fn test_programs() -> Vec<String> {
     for package in [
         "",
         "jetlink/",
+        "toy/",
         "mavlink/",
         "rc/",
         "boards/",
@@ -375,6 +383,7 @@ fn circles_are_sought_in_test_programs_too() {
 fn no_package_has_a_circle_of_imports() {
     let roots = [
         "jetlink/src/lib.rs",
+        "toy/src/lib.rs",
         "mavlink/src/lib.rs",
         "rc/src/lib.rs",
         "src/lib.rs",

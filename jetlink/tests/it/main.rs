@@ -20,6 +20,5 @@ mod reading_points;
 mod runner_watch;
 mod supervision;
 mod support;
-mod toy_protocol;
 mod vectors;
 mod zk_link;

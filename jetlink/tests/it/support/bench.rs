@@ -50,7 +50,6 @@ macro_rules! machine {
         }
     };
 }
-pub(crate) use machine;
 
 machine!(AmtLink, Link, |link, now| Link::start(link, now));
 machine!(ZkLink, Link, |link, now| Link::start(link, now));

@@ -1,4 +1,4 @@
-//! A simulated toy ECU, written from the document (the head of `mod.rs`) and not from the codec.
+//! A simulated toy ECU, written from the document (the head of `src/ecu/toy/mod.rs`) and not from the codec.
 
 use sim::ecu::{Ecu, LineFault, MILLIS, Nanos, SECOND};
 
@@ -30,7 +30,8 @@ impl Ecu for ToyEcu {
         }
         if now >= self.next_frame {
             self.next_frame += 100 * MILLIS;
-            tx.extend([0xA5, u8::from(self.running) | u8::from(self.overheated) << 7]);
+            let egt: u16 = if self.running { 600 } else { 20 };
+            tx.extend([0xA5, u8::from(self.running) | u8::from(self.overheated) << 7, (egt / 5) as u8]);
         }
     }
 

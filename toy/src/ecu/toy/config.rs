@@ -1,11 +1,10 @@
 //! Settings and service commands of a toy ECU.
 
-use super::codec::FRAME_LEN;
-use core::fmt;
+use crate::ecu::vendor::VendorService;
+use crate::line::{Line, StopBits, Timing};
+use crate::sentence::sentences;
+use crate::setting::{SettingId, settings};
 use embassy_time::Duration;
-use jetlink::ecu::vendor::VendorService;
-use jetlink::line::{Line, Timing};
-use jetlink::setting::settings;
 
 settings! {
     /// Settings of a toy ECU.
@@ -18,31 +17,35 @@ impl Config {
     /// Defaults of the link's timing: up after two frames, because they carry no checksum; lost after 0.5 s, five frames.
     pub const TIMING: Timing = Timing { up_after: 2, lost_after: Duration::from_millis(500) };
 
+    pub(crate) const fn identity(self) -> [u8; 2] {
+        [200, 0]
+    }
+
     /// Checks the settings, and that a line can carry the protocol.
-    pub const fn check(&self, line: Line) -> Result<(), Mistake> {
-        if self.check_own().is_err() {
-            return Err(Mistake::Setting);
+    pub(crate) const fn check(&self, line: Line) -> Result<(), Mistake> {
+        if let Err(row) = self.check_own() {
+            return Err(Mistake::Setting(SettingId(row)));
         }
-        let frame = line.time_of(FRAME_LEN as u32);
-        if frame.as_ticks() > self.send_every.as_ticks() { Err(Mistake::LineTooSlow) } else { Ok(()) }
+        if matches!(line.stop_bits, StopBits::Two) { Err(Mistake::StopBits) } else { Ok(()) }
     }
 }
 
 /// Mistake in the configuration.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Mistake {
-    /// A setting is out of its range.
-    Setting,
-    /// A command takes longer than the time between two.
-    LineTooSlow,
+    /// This setting of [`Config::SETTINGS`] is out of its range.
+    Setting(SettingId),
+    /// The line has two stop bits.
+    StopBits,
 }
 
 impl Mistake {
     /// A sentence, for use in a constant.
     pub const fn message(self) -> &'static str {
         match self {
-            Self::Setting => Config::SETTINGS[0].message,
-            Self::LineTooSlow => "the line is too slow for a command in every send slot",
+            Self::Setting(id) => id.message(Config::SETTINGS),
+            Self::StopBits => "invalid stop bits: a toy line has one",
         }
     }
 }
@@ -68,10 +71,6 @@ impl VendorService for Service {
     }
 }
 
-impl fmt::Display for Service {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Prime => f.write_str("prime"),
-        }
-    }
-}
+sentences!(Service {
+    Self::Prime => "prime";
+});

@@ -1,18 +1,19 @@
 //! The conversation with a toy ECU: a command in every send slot.
 
 use super::codec::{Control, Decoder, FRAME_LEN, Frame, State};
-use super::config::Config;
-use crate::support::bench::{Machine, machine};
-use embassy_time::{Duration, Instant};
-use jetlink::command::{Demand, Order, Rejected};
-use jetlink::ecu::Service;
-use jetlink::event::Event;
-use jetlink::line::{Line, LineError, Timing};
-use jetlink::link::{
-    Beat, Link, LinkMonitor, LinkStatus, Outbox, Output, Sign, Speaks, Stage, Transmission, earlier,
+use super::config::{Config, Service};
+use crate::command::{Demand, Order, Rejected};
+use crate::debounce::DebouncedState;
+use crate::ecu::{Faults, Service as AnyService};
+use crate::event::Event;
+use crate::line::{Line, LineError, Timing};
+use crate::link::{
+    Beat, Link, LinkMonitor, LinkStatus, Outbox, Output, ServiceFrames, Sign, Speaks, Stage, Transmission,
+    earlier,
 };
-use jetlink::report::{NotSent, Phase, Timed};
-use jetlink::units::Hectopascals;
+use crate::report::{EcuState, NotSent, Phase, ReportedSwitch, Timed, bump};
+use crate::units::Hectopascals;
+use embassy_time::{Duration, Instant};
 
 /// Interval between two frames of the ECU.
 const FRAMES_EVERY: Duration = Duration::from_millis(100);
@@ -26,12 +27,13 @@ pub struct ToyLink {
     monitor: LinkMonitor,
     beat: Beat,
     outbox: Outbox,
+    state: DebouncedState,
     order: Order,
+    /// Takes the place of the order in the next send slot.
+    service: Option<Service>,
     sign: Option<Sign>,
     next_slot: Option<Instant>,
 }
-
-machine!(ToyLink, Link, |link, now| Link::start(link, now));
 
 impl ToyLink {
     fn frame(&mut self, now: Instant, frame: Frame) {
@@ -46,7 +48,12 @@ impl ToyLink {
             State::Unknown(_) => (Stage::Unknown, Phase::Unknown),
         };
         self.sign = Some(Sign::State { stage, turning: Some(stage == Stage::Running), throttle: None });
-        self.status.report.phase = Some(Timed::new(phase, now));
+        let state = EcuState { code: frame.state.code(), name: frame.state.name() };
+        // It does not report its switch.
+        let reports = (state, phase, ReportedSwitch::Unknown(0));
+        self.state.state(now, reports, &mut self.status.report, &mut self.outbox);
+        self.state.faults(now, Faults::Toy(frame.faults), &mut self.status.report, &mut self.outbox);
+        self.status.report.egt = Some(Timed::new(frame.egt, now));
     }
 }
 
@@ -61,7 +68,9 @@ impl Speaks for Config {
             monitor: LinkMonitor::new(timing),
             beat: Beat::new(FRAME_LEN as u8, line, FRAMES_EVERY),
             outbox: Outbox::default(),
+            state: DebouncedState::new(),
             order: Order::Listen,
+            service: None,
             sign: None,
             next_slot: None,
         }
@@ -100,15 +109,18 @@ impl Link for ToyLink {
     fn speed_control(&self) -> Result<(), Rejected> {
         Err(Rejected::NoSpeedControl)
     }
-    fn service(&mut self, _now: Instant, _service: Service) -> Result<(), Rejected> {
-        // Its own service commands get here with the line in the library's list.
-        Err(Rejected::NotSupported)
+    fn service(&mut self, _now: Instant, service: AnyService) -> Result<(), Rejected> {
+        let AnyService::Toy(service) = service else { return Err(Rejected::NotSupported) };
+        self.service = Some(service);
+        Ok(())
     }
     fn pressure(&mut self, _now: Instant, _pressure: Hectopascals) {}
     fn sent(&mut self, _now: Instant) {
+        bump(&mut self.status.counters.sent);
         self.outbox.done();
     }
     fn not_sent(&mut self, _now: Instant, why: NotSent) {
+        self.status.counters.not_sent(why);
         self.outbox.event(Event::NotSent(why));
         self.outbox.done();
     }
@@ -118,12 +130,17 @@ impl Link for ToyLink {
         }
         let Some(due) = self.next_slot.filter(|due| now >= *due) else { return };
         self.next_slot = Some(due + self.config.send_every);
+        let service = self.service.take_if(|_| self.order == Order::Standby);
         let control = match self.order {
+            _ if service.is_some() => Control::Prime,
             Order::Standby => Control::Standby,
             Order::Run(_) => Control::Run,
             Order::EmergencyStop => Control::EmergencyStop,
             Order::Listen | Order::Doubt(_) | Order::Pwm => Control::Nothing,
         };
+        if let Some(service) = service {
+            self.outbox.event(Event::ServiceSent(AnyService::Toy(service)));
+        }
         self.outbox.put(Transmission::new(control.encode(), None));
     }
     fn poll(&mut self) -> Output {
@@ -148,6 +165,13 @@ impl Link for ToyLink {
     }
     fn reply_timeout(&self) -> Option<Duration> {
         None
+    }
+    fn close_pump(&mut self) {
+        // It primes once for each command.
+        self.service = None;
+    }
+    fn service_frames(&self) -> ServiceFrames {
+        ServiceFrames { command: self.service.is_some(), closing_pump: false }
     }
     fn status(&self) -> &LinkStatus {
         &self.status

@@ -1,0 +1,230 @@
+//! The toy protocol's tests, as docs/porting.md lists them: the codec against the document, the settings, the timing table of
+//! the link, and a node with its runner against the simulated ECU.
+
+// The tests' benches name the library, which is the one with the toy protocol here.
+extern crate toy as jetlink;
+
+#[macro_use]
+#[path = "../../../jetlink/tests/it/support/bench.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
+mod bench;
+mod ecu;
+#[path = "../../../tests/bench/mod.rs"]
+#[allow(clippy::disallowed_methods, reason = "a scenario keeps its own time")]
+mod wired_bench;
+
+use bench::{Bench, Machine};
+use ecu::ToyEcu;
+use embassy_time::{Duration, Instant};
+use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
+use jetlink::config::{ConfigError, EngineConfig, LinkSettings, check, validate};
+use jetlink::ecu::toy::codec::{Control, Decoder, Faults, Frame, State};
+use jetlink::ecu::toy::config::{Config, Mistake, Service};
+use jetlink::ecu::toy::link::ToyLink;
+use jetlink::ecu::{self as any, EcuConfig};
+use jetlink::event::Event;
+use jetlink::line::Line;
+use jetlink::link::{Link, Output, Sign, Speaks, Stage};
+use jetlink::report::{LinkState, NotSent, Phase};
+use jetlink::setting::Effect;
+use jetlink::units::{Celsius, Throttle};
+use sim::ecu::Ecu;
+use wired_bench::{LONG, received, throttle};
+
+const LINE: Line = Line::new(9600);
+const ENGINE: EngineConfig = EngineConfig::new("toy", 0, LINE, EcuConfig::Toy(Config::DEFAULT));
+const _: () = check(&[ENGINE]);
+const RUN: Order = Order::Run(Demand::Throttle(Throttle::IDLE));
+
+machine!(ToyLink, Link, |link, now| Link::start(link, now));
+
+/// An ECU that is powered up at 0.
+fn powered() -> ToyEcu {
+    let mut ecu = ToyEcu::default();
+    ecu.power(0, true);
+    ecu
+}
+
+fn bench() -> Bench<ToyLink> {
+    Bench::new(Config::DEFAULT.link(LINE, Config::TIMING), LINE)
+}
+
+/// The document's numbers, in any chunks; numbers without a name stay known.
+#[test]
+fn toy_codec_has_the_numbers_of_the_document() {
+    let frame =
+        |state, overheated| Frame { state, faults: Faults { overheated }, egt: Celsius::from_tenths(6000) };
+    for (byte, expected) in [
+        (0x00, frame(State::Rest, false)),
+        (0x01, frame(State::Running, false)),
+        (0x81, frame(State::Running, true)),
+        (0x7F, frame(State::Unknown(0x7F), false)),
+    ] {
+        assert_eq!(Decoder::default().feed(&[0x00, 0xA5, byte, 120, 0xA5]), (4, Some(expected)));
+        let mut decoder = Decoder::default();
+        assert_eq!(decoder.feed(&[0xA5]), (1, None));
+        assert_eq!(decoder.feed(&[byte]), (1, None));
+        assert_eq!(decoder.feed(&[120]), (1, Some(expected)));
+    }
+    let controls = [Control::Nothing, Control::Standby, Control::Run, Control::EmergencyStop, Control::Prime];
+    assert_eq!(controls.map(Control::encode), [[0x5A, 0], [0x5A, 1], [0x5A, 2], [0x5A, 3], [0x5A, 4]]);
+}
+
+/// The table of settings has what a parameter needs, and refuses what the line cannot carry.
+#[test]
+fn toy_settings_have_range_default_and_effect() {
+    let [row] = Config::SETTINGS else { panic!("one row") };
+    assert_eq!((row.name, row.field, row.default), ("TOY_SEND_EVERY", "ecu.send_every", 100));
+    assert_eq!((Config::ROWS[0].name, Config::ROWS[0].effect), (row.name, Effect::AtRest));
+    assert!(ENGINE.settings().any(|setting| setting.name == row.name));
+    let mut config = ENGINE;
+    assert_eq!(config.set("TOY_SEND_EVERY", 20), Ok(()));
+    assert_eq!(config.number("TOY_SEND_EVERY"), Some(20));
+    assert_eq!(validate(&[config]), Ok(()));
+    config.ecu = EcuConfig::Toy(Config { send_every: Duration::from_millis(19) });
+    assert_eq!(validate(&[config]).unwrap_err().message(), "ecu.send_every: 20 to 500 ms");
+    let two = EngineConfig { line: Line::with_two_stop_bits(9600), ..ENGINE };
+    let mistake = any::Mistake::Toy(Mistake::StopBits);
+    assert_eq!(validate(&[two]), Err(ConfigError::Ecu(0, mistake)));
+    assert_eq!(mistake.message(), "invalid stop bits: a toy line has one");
+}
+
+/// Services and faults of any ECU are those of the toy, too.
+#[test]
+fn toy_services_and_faults_are_those_of_any_ecu() {
+    let prime = any::Service::Toy(Service::Prime);
+    assert!(prime.moves_fuel() && prime.needs_stopped_engine() && !prime.closes_pump());
+    assert_eq!(prime.to_string(), "prime");
+    let faults = |overheated| any::Faults::Toy(Faults { overheated });
+    assert_eq!((faults(true).number(), faults(true).to_string()), (1, "overheated".into()));
+    assert!(faults(false).is_empty());
+}
+
+#[test]
+fn toy_link_keeps_its_timing_table() {
+    let mut bench = bench();
+    bench.run_to_us(150_000);
+    assert_eq!(bench.frames(), [(0, vec![0x5A, 0]), (100_000, vec![0x5A, 0])], "nothing is ordered");
+    bench.rx_at_us(160_000, &[0, 0xA5, 1, 120]);
+    assert_ne!(bench.machine.status().state, LinkState::Up, "one frame");
+    bench.rx_at_us(260_000, &[0xA5, 1, 120]);
+    let status = bench.machine.status();
+    assert_eq!((status.state, status.report.phase.unwrap().value), (LinkState::Up, Phase::Running));
+    let sign = Sign::State { stage: Stage::Running, turning: Some(true), throttle: None };
+    assert_eq!(bench.machine.take_sign(), Some(sign));
+    bench.frames();
+    for (order, code) in [(RUN, 2), (Order::Doubt(Demand::Throttle(Throttle::IDLE)), 0), (Order::Standby, 1)]
+    {
+        bench.order(bench.now_us(), order).unwrap();
+        bench.run_to_us(bench.now_us() + 100_000);
+        assert_eq!(bench.bytes(), [[0x5A, code]], "{order:?}");
+    }
+    assert_eq!(bench.order(bench.now_us(), Order::Pwm), Err(Rejected::NotSupported));
+    bench.events();
+    bench.run_to_us(759_999);
+    assert_eq!(bench.events(), []);
+    bench.run_to_us(760_000);
+    assert_eq!(bench.events(), [(760_000, Event::LinkLost)]);
+}
+
+/// New settings of a link that is in use count from the next send slot and the next frame on.
+#[test]
+fn toy_link_takes_new_settings() {
+    let mut bench = bench();
+    bench.run_to_us(50_000);
+    let config = Config { send_every: Duration::from_millis(20) };
+    bench.act(|link, now| config.configure(link, now, LINE, Config::TIMING));
+    bench.run_to_us(150_000);
+    let at: Vec<u64> = bench.frames().into_iter().map(|(at, _)| at).collect();
+    assert_eq!(at, [0, 100_000, 120_000, 140_000]);
+}
+
+/// A node starts and stops the simulated ECU's engine, and reports its faults: runner, link and codec on a simulated line.
+#[test]
+fn node_starts_and_stops_a_toy_engine() {
+    let bench = wired_bench::Bench::new(&ENGINE, powered(), 1);
+    let handle = bench.handle();
+    let mut events = handle.events().expect("a free place");
+    bench.play(LONG, async {
+        bench.start().await;
+        assert!(bench.plug.ecu(|ecu| ecu.running));
+        bench.plug.ecu(|ecu| ecu.overheated = true);
+        bench.command_for(throttle(0), Duration::from_secs(1)).await;
+        let faults = any::Faults::Toy(Faults { overheated: true });
+        assert_eq!(handle.telemetry().report.faults.unwrap().value, faults);
+        assert!(received(&mut events).contains(&Event::Faults(faults)));
+        bench.command(Command::EmergencyStop, Origin::Bench).unwrap();
+        bench.until(|bench| !bench.plug.ecu(|ecu| ecu.running)).await;
+        bench.until(|bench| bench.in_phase(Phase::Standby)).await;
+    });
+    let mut commands = bench.plug.ecu(|ecu| ecu.commands.clone());
+    commands.dedup();
+    assert_eq!(commands, [0, 1, 2, 3], "the first slots are before the first command");
+}
+
+/// A service command passes the engine's interlocks, and takes a send slot.
+#[test]
+fn node_primes_a_toy_engine_in_standby_only() {
+    let prime = Command::Service(any::Service::Toy(Service::Prime));
+    let bench = wired_bench::Bench::new(&ENGINE, powered(), 1);
+    let primed = || bench.plug.ecu(|ecu| ecu.commands.iter().filter(|command| **command == 4).count());
+    bench.play(LONG, async {
+        bench.start().await;
+        assert!(bench.command(prime, Origin::Bench).is_err());
+        bench.command_for(throttle(0), Duration::from_secs(1)).await;
+        assert_eq!(primed(), 0);
+        bench.command_for(Command::Standby, Duration::from_secs(3)).await;
+        assert_eq!(bench.command(prime, Origin::Bench), Ok(Accepted::InForce));
+        bench.command_for(Command::Standby, Duration::from_secs(1)).await;
+        assert_eq!(primed(), 1);
+    });
+}
+
+/// New settings of the protocol reach the link of a running node once its engine is at rest.
+#[test]
+fn node_takes_settings_of_the_toy_protocol_at_rest() {
+    let bench = wired_bench::Bench::new(&ENGINE, powered(), 1);
+    let received = || bench.plug.ecu(|ecu| ecu.commands.len());
+    bench.play(LONG, async {
+        bench.start().await;
+        let mut config = ENGINE;
+        config.set("TOY_SEND_EVERY", 20).unwrap();
+        bench.handle().configure_link(&LinkSettings::from(&config)).unwrap();
+        let before = received();
+        bench.command_for(throttle(0), Duration::from_secs(1)).await;
+        assert_eq!(received() - before, 10, "it runs");
+        bench.command_for(Command::Standby, Duration::from_secs(3)).await;
+        let before = received();
+        bench.command_for(Command::Standby, Duration::from_secs(1)).await;
+        assert_eq!(received() - before, 50);
+    });
+}
+
+/// docs/porting.md says what a new protocol needs in the library: its folder and two lines in `ecu/mod.rs`. All other files
+/// are the library's own.
+#[test]
+fn toy_protocol_takes_a_folder_and_two_lines() {
+    let read = |name: &str| {
+        let path = format!("{}/../{name}", env!("CARGO_MANIFEST_DIR"));
+        std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}"))
+    };
+    let lines = |text: &str| -> Vec<String> {
+        text.lines().filter(|line| !line.trim_start().starts_with("#[path")).map(str::to_owned).collect()
+    };
+    let (toys, librarys) = (lines(&read("toy/src/ecu/mod.rs")), lines(&read("jetlink/src/ecu/mod.rs")));
+    let added: Vec<&str> =
+        toys.iter().filter(|line| !librarys.contains(line)).map(|line| line.trim_start()).collect();
+    let [module, doc, arm] = added[..] else { panic!("{added:#?}") };
+    assert_eq!((module, doc), ("pub mod toy;", "/// The toy protocol."));
+    assert!(arm.starts_with("Toy($crate::ecu::toy::config::Config, "), "{arm}");
+    let without: Vec<&String> = toys.iter().filter(|line| !added.contains(&line.trim_start())).collect();
+    assert_eq!(without, librarys.iter().collect::<Vec<_>>());
+
+    let modules = |text: &str| -> Vec<String> {
+        let mut modules = lines(text);
+        modules.retain(|line| line.contains("mod ") && line.ends_with(';'));
+        modules.sort();
+        modules
+    };
+    assert_eq!(modules(&read("toy/src/lib.rs")), modules(&read("jetlink/src/lib.rs")));
+}
