@@ -1,13 +1,14 @@
 //! One engine of a world: its ECU, its pilots, what goes wrong with it, and the history of all that.
 
+use crate::ecus::{self, Seen};
 use crate::faults::{Disturber, Fault, Weather};
 use crate::history::{
-    Commanded, History, Kind, MS, Mark, PilotCommand, Pin, SECOND, Sample, Spans, Spoken, Sticks,
+    Commanded, History, MS, Mark, PilotCommand, Pin, SECOND, Sample, Spans, Spoken, Sticks,
 };
 use crate::judge::{Verdict, judge};
 use crate::pilots::{Habit, Pilot, Rng, View};
 use crate::radio::{Layout, Receiver, Transmitter};
-use crate::settings::{self, Setup};
+use crate::settings::Setup;
 use crate::valve::{Valve, Wiring};
 use crate::wire::Reader;
 use jetlink::channel::Handle;
@@ -17,7 +18,6 @@ use jetlink::units::Hectopascals;
 use sim::any::AnyEcu;
 use sim::clock;
 use sim::wire::{Plug, Settings, WireRx, WireTx, connect_with};
-use sim::zk::ControlledBy;
 use std::collections::VecDeque;
 
 /// The source of radio control, and that of MAVLink.
@@ -321,16 +321,8 @@ impl EngineContext {
         let (sample, ignitions, given_up, pwm) = self.plug.ecu(|ecu| {
             let ecu = &*ecu;
             let turbine = ecu.turbine();
-            let (fault, given_up, pwm, hidden) = match ecu {
-                AnyEcu::Amt(ecu) => {
-                    let hidden = ecu.hides_that_it_runs();
-                    (ecu.errors() != 0, ecu.stats.serial_delay_stops, false, hidden)
-                }
-                AnyEcu::Zk(ecu) => {
-                    let pwm = ecu.controlled_by() == ControlledBy::Pwm && turbine.phase().is_live();
-                    (ecu.error() != 0, ecu.stats.control_losses, pwm, false)
-                }
-            };
+            let Seen { fault, pwm, hidden } = ecus::ecu(ecu).seen();
+            let given_up = ecu.counts().loss_stops;
             let phase = turbine.phase();
             let lit = turbine.thrust() > 0.0;
             let sample = Sample {
@@ -418,7 +410,7 @@ impl EngineContext {
     }
 
     fn send_command(&mut self, handle: Option<&Handle<'_>>, source: usize, command: PilotCommand) {
-        let (Some(handle), Some(to_send)) = (handle, settings::command(command, self.setup.is_amt())) else {
+        let (Some(handle), Some(to_send)) = (handle, self.setup.command(command)) else {
             return;
         };
         // What is answered is not looked at.
@@ -433,9 +425,8 @@ impl EngineContext {
     /// Another ECU of the kind, of this version, is plugged in, and has no power for this long.
     fn swap(&mut self, rng: &mut Rng, version: u8, off: u64) {
         let at = now();
-        let Kind::Zk(_) = self.setup.rules.kind else { return };
+        let Some(ecu) = self.setup.another(version) else { return };
         self.look();
-        let ecu = self.setup.another(version);
         drop(self.plug.replace_ecu(ecu));
         (self.ignitions, self.given_up) = (0, 0);
         self.power_off(rng, at + off);

@@ -1,5 +1,6 @@
 //! What goes wrong with one ECU and its two wires. Every disturbance is written into the history as what it really was.
 
+use crate::ecus;
 use crate::history::{History, MS, SECOND, Spans};
 use crate::pilots::Rng;
 use core::fmt;
@@ -301,22 +302,13 @@ fn begin(fault: Fault, rng: &mut Rng, plug: &Plug<AnyEcu>) {
         Fault::FlameOut => plug.ecu(|ecu| ecu.turbine_mut().flame_out()),
         Fault::HotStarts(hot) => plug.ecu(|ecu| ecu.turbine_mut().hot_start(hot)),
         Fault::NoLight(dark) => plug.ecu(|ecu| ecu.turbine_mut().no_light(dark)),
-        Fault::Error(error) => plug.ecu(|ecu| match ecu {
-            AnyEcu::Amt(ecu) => ecu.set_errors(amt_errors(error)),
-            AnyEcu::Zk(ecu) => ecu.set_error(Some(error)),
-        }),
+        Fault::Error(error) => plug.ecu(|ecu| ecus::ecu_mut(ecu).report_fault(Some(error))),
         Fault::Sensor(sensor) => plug.ecu(|ecu| ecu.turbine_mut().set_egt_sensor(sensor)),
         Fault::OneWrongFrame => {
-            let frame = plug.ecu(|ecu| wrong_frame(ecu, rng));
+            let frame = plug.ecu(|ecu| ecus::ecu(ecu).wrong_frame(rng));
             plug.inject_to_node(&frame);
         }
-        Fault::PwmSignal(run) => plug.ecu(|ecu| {
-            if let AnyEcu::Zk(ecu) = ecu {
-                use sim::turbine::Switch;
-                let switch = if run { Switch::Run } else { Switch::Standby };
-                ecu.set_pwm(Some(sim::zk::Pwm { switch, throttle: 0 }));
-            }
-        }),
+        Fault::PwmSignal(run) => plug.ecu(|ecu| ecus::ecu_mut(ecu).pwm_signal(Some(run))),
     }
 }
 
@@ -328,16 +320,9 @@ fn end(fault: Fault, plug: &Plug<AnyEcu>) {
         Fault::Damage(..) | Fault::Noise(_) | Fault::Framing(_) => {
             plug.set_faults(Faults::default(), Faults::default())
         }
-        Fault::Error(_) => plug.ecu(|ecu| match ecu {
-            AnyEcu::Amt(ecu) => ecu.set_errors(0),
-            AnyEcu::Zk(ecu) => ecu.set_error(None),
-        }),
+        Fault::Error(_) => plug.ecu(|ecu| ecus::ecu_mut(ecu).report_fault(None)),
         Fault::Sensor(_) => plug.ecu(|ecu| ecu.turbine_mut().set_egt_sensor(EgtSensor::Good)),
-        Fault::PwmSignal(_) => plug.ecu(|ecu| {
-            if let AnyEcu::Zk(ecu) = ecu {
-                ecu.set_pwm(None);
-            }
-        }),
+        Fault::PwmSignal(_) => plug.ecu(|ecu| ecus::ecu_mut(ecu).pwm_signal(None)),
         Fault::FlameOut | Fault::HotStarts(_) | Fault::NoLight(_) | Fault::OneWrongFrame => {}
     }
 }
@@ -386,33 +371,10 @@ pub fn write_down(history: &mut History, fault: Fault, from: u64, to: u64) {
             history.forged.push(from);
         }
         Fault::Sensor(_) => add(&mut history.sensor),
-        // An AMT ECU reports it itself: "EGT error".
-        Fault::Error(error) if history.is_amt() && amt_errors(error) == sim::amt::error::EGT => {
+        // The ECU reports it itself.
+        Fault::Error(error) if ecus::disowns_exhaust(history.rules.kind, error) => {
             add(&mut history.sensor);
         }
         _ => {}
     }
-}
-
-/// A frame that is well formed and not true: another state, or another version.
-fn wrong_frame(ecu: &AnyEcu, rng: &mut Rng) -> Vec<u8> {
-    match ecu {
-        AnyEcu::Amt(_) => {
-            let status = rng.pick(&[0, 1, 2, 12]) << 3;
-            vec![0xFF, status | rng.pick(&[1, 2, 4]), rng.below(200) as u8, rng.below(200) as u8, 0, 0]
-        }
-        AnyEcu::Zk(_) => {
-            let mut frame = match rng.below(2) {
-                0 => vec![0xF1, 0, 0, rng.below(20) as u8, 0, rng.below(120) as u8],
-                _ => vec![0xF6, 0, 0, 160, 25, (rng.between(1, 7) as u8) << 2],
-            };
-            frame.push(sim::zk::crc8(&frame));
-            frame
-        }
-    }
-}
-
-/// The bit of an AMT error set for one of ZK's error codes.
-const fn amt_errors(error: u8) -> u8 {
-    1 << (error % 7)
 }

@@ -9,6 +9,7 @@
 
 mod cases;
 mod context;
+mod ecus;
 mod fate;
 mod faults;
 mod frames;

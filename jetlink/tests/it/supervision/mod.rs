@@ -5,9 +5,12 @@
 //! A failure prints its seed and what happened before it. `JETLINK_SEED=<seed> cargo test -p jetlink --test it supervision::replay --
 //! --ignored` plays it again. The campaign: `JETLINK_HOURS=1000 cargo campaign`.
 
+mod ecus;
 mod judge_tests;
 mod oracle;
+mod reader;
 mod regressions;
+mod rng;
 mod wire;
 mod world;
 

@@ -1,11 +1,7 @@
-//! The node's frames on the wire, in the judge's terms. The simulation's reader decodes the bytes.
+//! The node's frames on the wire, in the judge's terms.
 
 use core::fmt;
-use sim::any::Protocol;
 pub use sim::control::Switch;
-use sim::control::{self, Command};
-use sim::wire::Entry;
-use sim::zk::ZkCommand;
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Frame {
@@ -37,35 +33,4 @@ impl fmt::Display for Frame {
 pub fn percent(tenths: impl Into<u32>) -> String {
     let tenths = tenths.into();
     format!("{}.{} %", tenths / 10, tenths % 10)
-}
-
-/// Finds the frames in the record of a wire.
-#[derive(Debug)]
-pub struct Reader(control::Reader);
-
-impl Reader {
-    pub const fn new(protocol: Protocol) -> Self {
-        Self(control::Reader::new(protocol))
-    }
-
-    /// Each frame with the beginning of its first start bit, in µs.
-    pub fn read(&mut self, record: &[Entry], mut each: impl FnMut(u64, Frame)) {
-        for read in self.0.read(record) {
-            each(read.start / 1000, frame(&read));
-        }
-    }
-}
-
-fn frame(frame: &control::Frame) -> Frame {
-    let Ok(command) = frame.command else { return Frame::Bad(frame.raw) };
-    match (command, command.switch(), command.throttle_tenths()) {
-        (Command::Zk(ZkCommand::Switch { factor, .. }), switch, _) => {
-            Frame::Mode(switch.unwrap_or(Switch::Pwm), factor)
-        }
-        (_, Some(switch), Some(tenths)) => Frame::Full(switch, tenths),
-        // CTF is never commanded here.
-        (Command::Amt(_), ..) => Frame::Bad(frame.raw),
-        (Command::Zk(ZkCommand::Rpm(code)), ..) => Frame::RpmCode(code),
-        (Command::Zk(other), ..) => Frame::Other(other.id()),
-    }
 }

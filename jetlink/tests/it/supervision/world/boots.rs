@@ -1,7 +1,8 @@
 //! The node from one reset to the next, and what each reset leaves in memory.
 
 use super::super::oracle::{Input, Retained};
-use super::rig::{MS, Rig, Rng, SECOND, command_as, now, throttle};
+use super::super::rng::Rng;
+use super::rig::{MS, Rig, SECOND, command_as, now, throttle};
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, ReadReady};
 use jetlink::channel::Handle;

@@ -1,10 +1,10 @@
 //! What happens to the line and to the ECU.
 
+use super::super::ecus;
 use super::super::oracle::Input;
-use super::rig::{Rig, Rng, SECOND, Trace, now, sim_line};
-use sim::any::AnyEcu;
+use super::super::rng::Rng;
+use super::rig::{Rig, SECOND, Trace, now, sim_line};
 use sim::wire::{Babble, Faults};
-use sim::zk::state;
 
 impl Rig {
     /// All that happens to the line and to the ECU.
@@ -66,13 +66,7 @@ impl Rig {
         if self.ecu_until.is_some_and(|until| now >= until) {
             self.ecu_until = None;
             self.plug.power(true);
-            self.plug.ecu(|ecu| match ecu {
-                AnyEcu::Amt(ecu) => ecu.set_errors(0),
-                AnyEcu::Zk(ecu) => {
-                    ecu.set_error(None);
-                    ecu.set_state(None);
-                }
-            });
+            self.plug.ecu(|ecu| ecus::ecu_mut(ecu).report_truth());
             self.odd_until = now + SECOND;
             self.note(Trace::Ecu("as it should be"));
         } else if now >= self.next_ecu && self.ecu_until.is_none() {
@@ -105,21 +99,13 @@ impl Rig {
                 }
                 4 => {
                     let error = rng.between(1, 18) as u8;
-                    self.plug.ecu(|ecu| match ecu {
-                        AnyEcu::Amt(ecu) => ecu.set_errors(1 << (error % 7)),
-                        AnyEcu::Zk(ecu) => ecu.set_error(Some(error)),
-                    });
+                    self.plug.ecu(|ecu| ecus::ecu_mut(ecu).report_fault(error));
                     until = now + rng.wait(10 * SECOND);
                     "errors"
                 }
                 _ => {
-                    let state =
-                        rng.pick(&[state::STOP, state::STANDBY, state::RUNNING, state::COOLING, 7, 25]);
-                    self.plug.ecu(|ecu| {
-                        if let AnyEcu::Zk(ecu) = ecu {
-                            ecu.set_state(Some(state));
-                        }
-                    });
+                    let which = rng.below(6) as usize;
+                    self.plug.ecu(|ecu| ecus::ecu_mut(ecu).report_state(which));
                     self.odd_until = odd_for;
                     "another state"
                 }

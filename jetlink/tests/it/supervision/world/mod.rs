@@ -8,11 +8,12 @@ mod settings;
 mod sources;
 
 use super::oracle::{Input, Retained, Tally};
+use super::rng::Rng;
 use embassy_time::Duration;
 use jetlink::command::Order;
 use jetlink::engine::retained::{Reset, RetainedMemory};
 use jetlink::event::LossStage;
-use rig::{MS, Rig, Rng, now};
+use rig::{MS, Rig, now};
 use sim::clock;
 
 /// What went wrong, for a reader.

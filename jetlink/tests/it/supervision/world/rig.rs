@@ -1,7 +1,8 @@
 //! One engine of a world: its configuration, its ECU and its line, its sources and its judge.
 
+use super::super::ecus;
 use super::super::oracle::{DARK, Input, Oracle, Truth};
-use super::super::wire::Reader;
+use super::super::reader::Reader;
 use core::fmt;
 use jetlink::channel::Handle;
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
@@ -9,12 +10,10 @@ use jetlink::config::EngineConfig;
 use jetlink::event::Event;
 use jetlink::line::{Line, StopBits};
 use jetlink::units::Throttle;
-use sim::amt::Ops;
 use sim::any::AnyEcu;
 use sim::clock;
 use sim::turbine::Phase;
 use sim::wire::{Direction, Fate, Plug, WireRx, WireTx};
-use sim::zk::{Sw, ZkCommand, state};
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::rc::Rc;
@@ -24,93 +23,18 @@ pub(super) const SECOND: u64 = 1_000_000;
 /// Every frame has ended this long after its first bit.
 pub(super) const LONGEST_FRAME: u64 = 30 * MS;
 
-/// SplitMix64.
-#[derive(Debug)]
-pub(super) struct Rng(pub u64);
-
-impl Rng {
-    pub(super) fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ z >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ z >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ z >> 31
-    }
-
-    /// `0..n`
-    pub(super) fn below(&mut self, n: u64) -> u64 {
-        self.next() % n.max(1)
-    }
-
-    pub(super) fn between(&mut self, low: u64, high: u64) -> u64 {
-        low + self.below(high - low)
-    }
-
-    pub(super) fn percent(&mut self, percent: u64) -> bool {
-        self.below(100) < percent
-    }
-
-    pub(super) fn pick<T: Copy>(&mut self, from: &[T]) -> T {
-        from[self.below(from.len() as u64) as usize]
-    }
-
-    /// Around this mean, never 0.
-    pub(super) fn wait(&mut self, mean: u64) -> u64 {
-        self.between(mean / 10, mean * 2)
-    }
-}
-
 /// What it really does and reports.
 pub(super) fn truth(ecu: &AnyEcu, odd: bool) -> Truth {
     let turbine = ecu.turbine();
-    let live = turbine.phase().is_live();
     let truth = Truth {
-        live,
+        live: turbine.phase().is_live(),
         running: turbine.phase() == Phase::Running,
         egt: turbine.egt(),
         odd,
+        own_stops: ecu.counts().loss_stops,
         ..Truth::default()
     };
-    match ecu {
-        AnyEcu::Amt(ecu) => {
-            let last = ecu.commands.last().map(|(_, command)| *command);
-            Truth {
-                says_running: truth.running,
-                // Its document has no state for cooling: a stopped shaft is all there is.
-                standby: !live && turbine.rpm() < 1000.0,
-                faulty: ecu.errors() != 0,
-                // Bit 3: it calls its sensor faulty. 300 °C is the default, and one step of EGT is 4.6 °C.
-                says_cold: ecu.errors() & 1 << 3 == 0 && turbine.egt() <= 310.0,
-                obeyed: last.map_or(0, |command| u16::from(command.throttle_half_percent) * 5),
-                obeys_run: last.is_some_and(|command| command.ops == Ops::Run),
-                own_stops: ecu.stats.serial_delay_stops,
-                ..truth
-            }
-        }
-        AnyEcu::Zk(ecu) => {
-            let commands = || ecu.commands.iter().rev().map(|(_, command)| *command);
-            let throttle = commands().find_map(|command| match command {
-                ZkCommand::Control { throttle, .. } => Some(throttle),
-                _ => None,
-            });
-            let reported = (ecu.throttle_percent() * 10.0).clamp(0.0, 1000.0) as u16;
-            let run = commands().find_map(|command| match command {
-                ZkCommand::Control { sw, .. } | ZkCommand::Switch { sw, .. } => Some(sw == Sw::Run),
-                _ => None,
-            });
-            Truth {
-                // From 6 to 11 it learns or runs.
-                says_running: (6..=state::RUNNING).contains(&ecu.state()),
-                standby: ecu.state() == state::STANDBY,
-                faulty: ecu.error() != 0,
-                // It reports whole percents.
-                obeyed: throttle.unwrap_or(0).max(reported) + 10,
-                obeys_run: run == Some(true),
-                own_stops: ecu.stats.control_losses,
-                ..truth
-            }
-        }
-    }
+    ecus::ecu(ecu).truth(truth)
 }
 
 /// What a source is doing for a while.
@@ -143,7 +67,8 @@ pub(super) struct Source {
 /// One engine, its ECU, its sources, its judge.
 pub(super) struct Rig {
     pub(super) config: EngineConfig,
-    pub(super) version: u8,
+    /// Its ECU holds an rpm by itself.
+    pub(super) holds_rpm: bool,
     pub(super) max_rpm: u32,
     pub(super) plug: Plug<AnyEcu>,
     pub(super) halves: (WireRx, WireTx),

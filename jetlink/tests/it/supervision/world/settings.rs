@@ -1,19 +1,15 @@
-//! How the engines of a world are configured, and which ECUs they have.
+//! How the engines of a world are configured. Their ECUs are in `ecus/`.
 
+use super::super::ecus;
 use super::super::oracle::{Oracle, Truth};
-use super::super::wire::Reader;
-use super::rig::{MS, Program, Rig, Rng, SECOND, Source, sim_line};
+use super::super::reader::Reader;
+use super::super::rng::Rng;
+use super::rig::{MS, Program, Rig, SECOND, Source, sim_line};
 use embassy_time::Duration;
 use jetlink::command::Origin;
-use jetlink::config::EngineConfig;
-use jetlink::ecu::EcuConfig;
-use jetlink::ecu::amt::codec::EngineModel;
-use jetlink::ecu::zk::codec::Rate;
 use jetlink::engine::config::{Governor, Slew, Supervision};
 use jetlink::limit::Action;
-use jetlink::line::Line;
 use jetlink::units::{Celsius, Throttle};
-use sim::any::AnyConfig;
 use sim::wire::{Settings, connect_with};
 use std::collections::VecDeque;
 use std::rc::Rc;
@@ -56,26 +52,11 @@ pub(super) fn supervision(rng: &mut Rng) -> Supervision {
 pub(super) fn rig(rng: &mut Rng, port: u8, gap: Duration) -> Rig {
     let mut supervision = supervision(rng);
     supervision.start.gap = gap;
-    let (mut config, version) = if rng.percent(55) {
-        let engine = rng.pick(&[None, Some(EngineModel::Olympus)]);
-        let line = Line::new(rng.pick(&[2400, 2400, 9600, 115_200]));
-        (EngineConfig::amt("amt", port, line, engine), 0)
-    } else {
-        let baud = rng.pick(&[4800, 9600, 38_400, 115_200]);
-        let line = if rng.percent(20) { Line::with_two_stop_bits(baud) } else { Line::new(baud) };
-        let rate = if rng.percent(80) { Rate::Hz20 } else { Rate::Hz50 };
-        (EngineConfig::zk("zk", port, line, rate), rng.between(3, 6) as u8)
-    };
-    if let EcuConfig::Zk(zk) = &mut config.ecu {
-        zk.split_switch = rng.percent(30);
-    }
+    let (mut config, ecu) = ecus::random(rng, port);
     config.supervision = supervision;
     let line = sim_line(config.line);
-    let ecu = match version {
-        0 => AnyConfig::amt(sim::amt::EngineModel::Olympus).with_log(8),
-        _ => AnyConfig::zk(version).with_log(16),
-    }
-    .on(line);
+    let ecu = ecu.on(line);
+    let holds_rpm = ecus::holds_rpm(&ecu);
     let (protocol, parameters) = (ecu.protocol(), *ecu.turbine());
     let (rx, tx, plug) = connect_with(ecu.ecu(), Settings::new(line, rng.next()));
     plug.record(true);
@@ -91,12 +72,12 @@ pub(super) fn rig(rng: &mut Rng, port: u8, gap: Duration) -> Rig {
     };
     Rig {
         config,
-        version,
+        holds_rpm,
         max_rpm: max,
         plug,
         halves: (rx, tx),
         reader: Reader::new(protocol),
-        oracle: Oracle::new(config, version >= 4, idle, max),
+        oracle: Oracle::new(config, holds_rpm, idle, max),
         sources: Origin::SOURCES.map(source),
         inputs: VecDeque::new(),
         frames: VecDeque::new(),

@@ -1,6 +1,7 @@
 //! What the sources command.
 
-use super::rig::{MS, Program, Rig, Rng, SECOND, now, throttle};
+use super::super::rng::Rng;
+use super::rig::{MS, Program, Rig, SECOND, now, throttle};
 use jetlink::channel::Handle;
 use jetlink::command::{Command, Demand, Origin, Rejected};
 use jetlink::units::Rpm;
@@ -8,7 +9,7 @@ use jetlink::units::Rpm;
 impl Rig {
     /// A demand, at times one that makes no sense.
     pub(super) fn demand(&self, rng: &mut Rng) -> Demand {
-        let rpm = self.version >= 4 && rng.percent(40) || rng.percent(5);
+        let rpm = self.holds_rpm && rng.percent(40) || rng.percent(5);
         if rpm {
             let most = if rng.percent(10) { self.max_rpm * 2 } else { self.max_rpm };
             return Demand::Rpm(Rpm::new(rng.below(most.into()) as u32 / 10 * 10));

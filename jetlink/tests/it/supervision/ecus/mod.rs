@@ -1,0 +1,49 @@
+//! The ECUs of the worlds, by protocol. A new protocol is a file and its arms here.
+
+mod amt;
+mod vendor;
+mod zk;
+
+use super::rng::Rng;
+use super::wire::Frame;
+use jetlink::config::EngineConfig;
+use sim::any::{AnyConfig, AnyEcu};
+use sim::control::{self, Command};
+pub use vendor::WorldEcu;
+
+/// An engine with an ECU of any protocol.
+pub fn random(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {
+    if rng.percent(55) { amt::random(rng, port) } else { zk::random(rng, port) }
+}
+
+/// Whether an ECU holds an rpm by itself.
+pub const fn holds_rpm(config: &AnyConfig) -> bool {
+    match config {
+        AnyConfig::Amt(_) => false,
+        AnyConfig::Zk(config) => zk::holds_rpm(config),
+    }
+}
+
+pub fn ecu(ecu: &AnyEcu) -> &dyn WorldEcu {
+    match ecu {
+        AnyEcu::Amt(ecu) => &**ecu,
+        AnyEcu::Zk(ecu) => &**ecu,
+    }
+}
+
+pub fn ecu_mut(ecu: &mut AnyEcu) -> &mut dyn WorldEcu {
+    match ecu {
+        AnyEcu::Amt(ecu) => &mut **ecu,
+        AnyEcu::Zk(ecu) => &mut **ecu,
+    }
+}
+
+/// A frame of the node in the judge's terms.
+pub fn frame(frame: &control::Frame) -> Frame {
+    let read = match frame.command {
+        Err(_) => None,
+        Ok(Command::Amt(command)) => amt::frame(command),
+        Ok(Command::Zk(command)) => zk::frame(command),
+    };
+    read.unwrap_or(Frame::Bad(frame.raw))
+}

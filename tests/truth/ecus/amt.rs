@@ -1,0 +1,144 @@
+//! AMT ECUs in the worlds.
+
+use super::vendor::{Facts, Seen, WorldConfig, WorldEcu};
+use crate::history::{Kind, PilotCommand, Sent};
+use crate::pilots::Rng;
+use embassy_time::Duration;
+use jetlink::config::EngineConfig;
+use jetlink::ecu::amt::codec::EngineModel;
+use jetlink::ecu::amt::config::Service as AmtService;
+use jetlink::ecu::{EcuConfig, Service};
+use jetlink::line::Line;
+use jetlink::units::Throttle;
+use sim::amt::{AmtCommand, AmtConfig, AmtEcu, AmtTemper, InFlight, Status};
+use sim::any::{AnyConfig, AnyEcu};
+use sim::control::Command;
+
+/// For the named cases: it does what harm the document allows.
+pub fn case() -> (EngineConfig, AnyConfig) {
+    let temper =
+        AmtTemper { starts_hot: true, trips_clear_after: Some(60_000_000_000), ..AmtTemper::DEFAULT };
+    let ecu = AmtConfig {
+        temper,
+        log: 8,
+        serial_delay: 4_000_000_000,
+        ..AmtConfig::new(sim::amt::EngineModel::Olympus)
+    };
+    let config = EngineConfig::amt("amt", 0, Line::new(2400), Some(EngineModel::Olympus));
+    (config, AnyConfig::Amt(ecu))
+}
+
+/// A random one.
+pub fn random(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {
+    let line = Line::new(rng.pick(&[2400, 2400, 2400, 9600, 115_200]));
+    let engine = rng.pick(&[None, Some(EngineModel::Olympus)]);
+    let mut config = EngineConfig::amt("amt", port, line, engine);
+    let start_throttle = rng.pick(&[0, 0, 0, 200]);
+    let serial_delay = rng.pick(&[2, 4, 4]);
+    if let EcuConfig::Amt(amt) = &mut config.ecu {
+        amt.start_throttle = Throttle::from_tenths(start_throttle).expect("0..=1000");
+        amt.serial_delay = Duration::from_secs(serial_delay);
+    }
+    let states = [Status::IdleCalibration, Status::StartedUp, Status::Unnamed(30)];
+    let in_flight = InFlight {
+        shows: rng.pick(&states),
+        every: 20_000_000_000,
+        lasts: rng.spread(100, 4000) * 1_000_000,
+    };
+    let temper = AmtTemper {
+        wants_auto_stop_first: rng.percent(30),
+        clearance: rng.pick(&[100, 1000, 1000, 4000]) * 1_000_000,
+        last_state_first: rng.pick(&[0, 0, 0, 1]),
+        starts_hot: rng.percent(35),
+        in_flight: rng.percent(20).then_some(in_flight),
+        trips_clear_after: rng.percent(25).then(|| rng.spread(500, 60_000) * 1_000_000),
+    };
+    let ecu = AmtConfig {
+        temper,
+        log: 8,
+        serial_delay: serial_delay * 1_000_000_000,
+        boot: rng.pick(&[30, 200, 500, 500, 3000]) * 1_000_000,
+        start_throttle: (start_throttle / 5) as u8,
+        loss_is_an_error: rng.percent(20),
+        ..AmtConfig::new(sim::amt::EngineModel::Olympus).on(sim::line::Line::n1(line.baud))
+    };
+    (config, AnyConfig::Amt(ecu))
+}
+
+impl WorldEcu for AmtEcu {
+    fn seen(&self) -> Seen {
+        Seen { fault: self.errors() != 0, pwm: false, hidden: self.hides_that_it_runs() }
+    }
+
+    fn report_fault(&mut self, fault: Option<u8>) {
+        self.set_errors(fault.map_or(0, errors));
+    }
+
+    fn wrong_frame(&self, rng: &mut Rng) -> Vec<u8> {
+        let status = rng.pick(&[0, 1, 2, 12]) << 3;
+        vec![0xFF, status | rng.pick(&[1, 2, 4]), rng.below(200) as u8, rng.below(200) as u8, 0, 0]
+    }
+}
+
+impl WorldConfig for AmtConfig {
+    fn facts(&self, engine: &EcuConfig) -> Facts {
+        let EcuConfig::Amt(engine) = engine else {
+            unreachable!("the ECU is of the kind that is configured")
+        };
+        Facts {
+            kind: Kind::Amt,
+            period: self.period,
+            round: 1,
+            gives_up_after: self.serial_delay,
+            gives_up_on_empty: false,
+            boot: self.boot,
+            start_throttle: engine.start_throttle.tenths().into(),
+            stale: self.temper.last_state_first.into(),
+        }
+    }
+
+    fn holds_rpm(&self) -> bool {
+        false
+    }
+
+    fn another(&self, _version: u8) -> Option<AnyEcu> {
+        None
+    }
+
+    fn service(&self, command: PilotCommand) -> Option<Service> {
+        (command == PilotCommand::Ctf).then_some(Service::Amt(AmtService::Ctf))
+    }
+
+    fn name(&self) -> String {
+        format!(
+            "AMT at {} baud, serial delay {} ms, {:?}",
+            self.line.baud,
+            self.serial_delay / 1_000_000,
+            self.temper
+        )
+    }
+}
+
+/// The bit of an error set for one of ZK's error codes.
+const fn errors(fault: u8) -> u8 {
+    1 << (fault % 7)
+}
+
+/// "EGT error".
+pub const fn disowns_exhaust(fault: u8) -> bool {
+    errors(fault) == sim::amt::error::EGT
+}
+
+pub fn pilot_command(service: AmtService) -> PilotCommand {
+    match service {
+        AmtService::Ctf => PilotCommand::Ctf,
+    }
+}
+
+pub fn sent(command: AmtCommand) -> Sent {
+    let command = Command::Amt(command);
+    match (command.switch(), command.throttle_tenths()) {
+        (Some(switch), Some(tenths)) => Sent::Full(switch, tenths.into()),
+        _ => Sent::Ctf,
+    }
+}

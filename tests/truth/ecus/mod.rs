@@ -1,0 +1,64 @@
+//! The ECUs of the worlds, by protocol: every temper that the documents allow. A new protocol is a file and its arms here.
+
+pub mod amt;
+mod vendor;
+pub mod zk;
+
+use crate::history::{Kind, PilotCommand, Sent};
+use crate::pilots::Rng;
+use jetlink::config::EngineConfig;
+use jetlink::ecu::Service;
+use sim::any::{AnyConfig, AnyEcu};
+use sim::control::{self, Command};
+pub use vendor::{Seen, WorldConfig, WorldEcu};
+
+/// An engine with an ECU of any protocol.
+pub fn random(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {
+    if rng.percent(45) { amt::random(rng, port) } else { zk::random(rng, port) }
+}
+
+pub fn config(config: &AnyConfig) -> &dyn WorldConfig {
+    match config {
+        AnyConfig::Amt(config) => config,
+        AnyConfig::Zk(config) => config,
+    }
+}
+
+pub fn ecu(ecu: &AnyEcu) -> &dyn WorldEcu {
+    match ecu {
+        AnyEcu::Amt(ecu) => &**ecu,
+        AnyEcu::Zk(ecu) => &**ecu,
+    }
+}
+
+pub fn ecu_mut(ecu: &mut AnyEcu) -> &mut dyn WorldEcu {
+    match ecu {
+        AnyEcu::Amt(ecu) => &mut **ecu,
+        AnyEcu::Zk(ecu) => &mut **ecu,
+    }
+}
+
+/// Whether an ECU that reports this fault calls its own exhaust temperature wrong.
+pub fn disowns_exhaust(kind: Kind, fault: u8) -> bool {
+    match kind {
+        Kind::Amt => amt::disowns_exhaust(fault),
+        Kind::Zk(_) => false,
+    }
+}
+
+/// What a service command of radio control or of MAVLink is to the judge.
+pub fn pilot_command(service: Service) -> PilotCommand {
+    match service {
+        Service::Amt(service) => amt::pilot_command(service),
+        Service::Zk(service) => zk::pilot_command(service),
+    }
+}
+
+/// A control frame in the terms of the judge.
+pub fn sent(frame: &control::Frame) -> Sent {
+    match frame.command {
+        Err(_) => Sent::Bad(frame.raw),
+        Ok(Command::Amt(command)) => amt::sent(command),
+        Ok(Command::Zk(command)) => zk::sent(command, frame),
+    }
+}
