@@ -4,7 +4,7 @@ use embassy_executor::InterruptExecutor;
 use jetlink::engine::retained::Reset;
 
 /// Cause of the last reset, according to the chip's flags.
-#[derive(Clone, Copy, PartialEq, Eq, defmt::Format)]
+#[derive(Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(not(feature = "stm32"), expect(dead_code, reason = "QEMU has none"))]
 pub enum ResetCause {
     /// Power-on.
@@ -40,6 +40,24 @@ impl ResetCause {
             Self::Restart => Reset::Warm,
             Self::PowerOn | Self::BrownOut | Self::Unknown => Reset::PowerLost,
         }
+    }
+}
+
+impl defmt::Format for ResetCause {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        let text = match self {
+            Self::PowerOn => defmt::intern!("power-on"),
+            Self::BrownOut => defmt::intern!("brown-out"),
+            Self::Watchdog => defmt::intern!("watchdog"),
+            Self::WindowWatchdog => defmt::intern!("window watchdog"),
+            Self::Software => defmt::intern!("software"),
+            Self::LowPower => defmt::intern!("low power"),
+            Self::Pin => defmt::intern!("reset pin"),
+            #[cfg(feature = "ardupilot-bootloader")]
+            Self::Restart => defmt::intern!("restart"),
+            Self::Unknown => defmt::intern!("not known"),
+        };
+        defmt::write!(f, "{=istr}", text);
     }
 }
 

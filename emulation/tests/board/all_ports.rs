@@ -5,7 +5,7 @@ use emulation::{Image, Run};
 use sim::ecu::SECOND;
 
 #[test]
-fn the_engines_of_the_release_image_for_a_minute() {
+fn the_engines_of_the_release_image_run_for_a_minute_without_an_error() {
     on_each_board(|board| {
         let report = Run::new(board, Image::Release).engines().until(60 * SECOND).go();
         for engine in engines(&report) {
@@ -17,7 +17,7 @@ fn the_engines_of_the_release_image_for_a_minute() {
 }
 
 #[test]
-fn an_engine_on_every_port_for_a_minute() {
+fn an_engine_on_every_port_runs_for_a_minute_without_an_error() {
     on_each_board(|board| {
         let report = Run::new(board, Image::AllPorts).engines().until(60 * SECOND).go();
         let engines = engines(&report);

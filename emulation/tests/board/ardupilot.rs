@@ -56,7 +56,7 @@ fn the_image_runs_behind_a_bootloader_as_without_one() {
                 "{announced:?} {started:?}"
             );
         }
-        assert!(report.logged("last reset: Watchdog"), "{}", report.log_text());
+        assert!(report.logged("last reset: watchdog"), "{}", report.log_text());
 
         // And otherwise it is the same: the same first bytes at the same time, but for the settings, which are not read here. An H743
         // without a bootloader reads them for some 13 ms before it opens its ports.
@@ -206,7 +206,7 @@ fn caches_that_a_bootloader_leaves_are_off_before_they_are_emptied() {
         let bootloader = Bootloader { leaves, ..Bootloader::default() };
         let run = Run::new(&MATEK_H743, Image::Ardupilot).engines().bootloader(bootloader);
         let report = LABELS.into_iter().fold(run, Run::watch).until(50 * MILLIS).go_unchecked().0;
-        assert!(report.logged("last reset: PowerOn"), "{}", report.log_text());
+        assert!(report.logged("last reset: power-on"), "{}", report.log_text());
         report.passed.into_iter().map(|(_, label)| label).collect()
     };
     let [data_off, line, instruction_off, empty, end] = LABELS;
@@ -292,8 +292,8 @@ fn the_bootloader_waits_only_at_the_first_start() {
             assert!(boot - reset < 10 * MILLIS, "{boots:?} {:?}", report.resets);
         }
         let causes: Vec<_> =
-            report.lines("last reset: ").map(|log| log.text.rsplit(' ').next().expect("a cause")).collect();
-        assert_eq!(causes, ["PowerOn", "Pin", "Watchdog", "Watchdog"]);
+            report.lines("last reset: ").map(|log| log.text.rsplit_once(": ").expect("a cause").1).collect();
+        assert_eq!(causes, ["power-on", "reset pin", "watchdog", "watchdog"]);
         // The crash: within 250 ms, and from there on 0.2 ms at most.
         let logged = report.when("has no handler, resetting");
         assert!(report.resets[1].0 - logged < MILLIS, "{logged} {:?}", report.resets);

@@ -46,7 +46,7 @@ fn the_first_frame_of_an_amt_ecu_is_answered() {
 fn the_log_names_the_reset_and_every_port() {
     on_all_boards(|board| {
         let report = Run::new(board, Image::Release).engines().until(SECOND / 2).go();
-        assert!(report.logs[0].text.ends_with("last reset: PowerOn"), "{:?}", report.logs[0]);
+        assert!(report.logs[0].text.ends_with("last reset: power-on"), "{:?}", report.logs[0]);
         for (number, port) in board.ports.iter().enumerate() {
             let uart = format!("{:?}", port.uart).to_uppercase();
             assert!(

@@ -93,7 +93,7 @@ fn a_crystal_that_stops_resets_a_plain_image() {
         let run = Run::new(board, Image::Release).engines().at(1500 * MILLIS, stop).resets(1).with_errors();
         let report = run.until(4 * SECOND).go();
         assert_eq!(report.lines("the crystal has stopped, resetting").count(), 1, "{}", report.log_text());
-        assert!(report.logged("last reset: Software") && report.logged(WITHOUT));
+        assert!(report.logged("last reset: software") && report.logged(WITHOUT));
         let again = report.lines("left: ECU link up").next_back().expect("up again").at;
         assert!(again > report.resets[0].0, "{}", report.log_text());
     });
@@ -161,8 +161,8 @@ fn a_crash_without_a_crystal_resets_no_image_behind_a_bootloader() {
         assert_eq!(report.lines("has no handler, resetting").count(), 1, "{}", report.log_text());
         // What was retained is as good as after a reset: an engine that runs continues with its order.
         let causes: Vec<_> =
-            report.lines("last reset: ").map(|log| log.text.rsplit(' ').next().expect("a cause")).collect();
-        assert_eq!(causes, ["PowerOn", "Restart", "Restart"], "{}", report.log_text());
+            report.lines("last reset: ").map(|log| log.text.rsplit_once(": ").expect("a cause").1).collect();
+        assert_eq!(causes, ["power-on", "restart", "restart"], "{}", report.log_text());
         let crashed = report.when("has no handler, resetting");
         let again = report.lines("left: ECU link up").next_back().expect("up again").at;
         assert!(again > crashed, "{}", report.log_text());
@@ -193,9 +193,9 @@ fn crystal_that_stops_while_a_fault_is_handled_resets_no_image_behind_a_bootload
             assert!(report.resets.is_empty(), "{task:?} {:?}\n{}", report.resets, report.log_text());
             let causes: Vec<_> = report
                 .lines("last reset: ")
-                .map(|log| log.text.rsplit(' ').next().expect("a cause"))
+                .map(|log| log.text.rsplit_once(": ").expect("a cause").1)
                 .collect();
-            assert_eq!(causes, ["PowerOn", "Restart"], "{task:?}\n{}", report.log_text());
+            assert_eq!(causes, ["power-on", "restart"], "{task:?}\n{}", report.log_text());
             let again = report.lines("left: ECU link up").next_back().expect("up again").at;
             assert!((1500 * MILLIS..2800 * MILLIS).contains(&again), "{task:?} {}", report.log_text());
         }

@@ -99,9 +99,9 @@ struct Reset {
 /// the reset button is pressed, and the RAM is arbitrary, as after a dip of the supply. Each comes before the hold of the life
 /// before is over: no source commands, and a loss continues over a reset.
 const RESETS: [Reset; 3] = [
-    Reset { at: 200 * SECOND, cause: "Watchdog" },
-    Reset { at: 201_200 * MILLIS, cause: "Software" },
-    Reset { at: 202_200 * MILLIS, cause: "Pin" },
+    Reset { at: 200 * SECOND, cause: "watchdog" },
+    Reset { at: 201_200 * MILLIS, cause: "software" },
+    Reset { at: 202_200 * MILLIS, cause: "reset pin" },
 ];
 
 #[test]
@@ -121,8 +121,8 @@ fn running_engines_resume_after_any_reset() {
             .go();
 
         let causes: Vec<_> =
-            report.lines("last reset: ").map(|log| log.text.rsplit(' ').next().expect("a cause")).collect();
-        assert_eq!(causes, ["PowerOn", RESETS[0].cause, RESETS[1].cause, RESETS[2].cause]);
+            report.lines("last reset: ").map(|log| log.text.rsplit_once(": ").expect("a cause").1).collect();
+        assert_eq!(causes, ["power-on", RESETS[0].cause, RESETS[1].cause, RESETS[2].cause]);
         for engine in engines(&report) {
             let sent = sent(&report, &engine);
             assert_eq!(phase(&report, &engine), Phase::Running, "{}", engine.name);
@@ -189,7 +189,7 @@ fn a_reset_without_a_running_engine_ends_in_standby() {
             .resets(1)
             .until(6 * SECOND)
             .go();
-        assert!(report.logged("last reset: Watchdog") && !report.logged("resumed"), "{}", report.log_text());
+        assert!(report.logged("last reset: watchdog") && !report.logged("resumed"), "{}", report.log_text());
         for engine in engines(&report) {
             let sent = sent(&report, &engine);
             assert!(

@@ -74,7 +74,7 @@ fn a_fault_is_found_and_the_firmware_logs_its_place_and_resets() {
         assert!(complaints.contains("resets expected"), "{complaints}");
         let handler = symbol(board, Image::Release, &format!("{:?}", board.ports[0].uart).to_uppercase());
         assert!(report.logged(&format!("hard fault at {handler:#010x}")), "{}", report.log_text());
-        assert!(report.logged("last reset: Software"), "{}", report.log_text());
+        assert!(report.logged("last reset: software"), "{}", report.log_text());
     });
 }
 

@@ -111,7 +111,7 @@ fn a_stack_that_grows_too_far_ends_the_firmware_before_it_reaches_the_statics() 
         );
         assert_eq!(report.resets.len(), 1, "{:?}", report.resets);
         assert!(
-            report.logged("hard fault at") && report.logged("last reset: Software"),
+            report.logged("hard fault at") && report.logged("last reset: software"),
             "{}",
             report.log_text()
         );

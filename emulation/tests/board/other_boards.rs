@@ -19,7 +19,7 @@ fn every_engine_of_the_release_image_is_served() {
         }
         assert!(!report.logged("ECU link lost") && !report.logged("not sent"), "{}", report.log_text());
         let first = &report.logs[0].text;
-        assert!(first.contains(&format!(" on {}, last reset: PowerOn", board.title)), "{first}");
+        assert!(first.contains(&format!(" on {}, last reset: power-on", board.title)), "{first}");
     });
 }
 

@@ -213,8 +213,8 @@ fn valve_stays_open_in_flight_over_every_reset_with_a_record() {
             .until(41 * SECOND)
             .go();
         let causes: Vec<_> =
-            report.lines("last reset: ").map(|log| log.text.rsplit(' ').next().expect("a cause")).collect();
-        assert_eq!(causes, ["PowerOn", "Watchdog", "Software", "BrownOut", "Pin"]);
+            report.lines("last reset: ").map(|log| log.text.rsplit_once(": ").expect("a cause").1).collect();
+        assert_eq!(causes, ["power-on", "watchdog", "software", "brown-out", "reset pin"]);
         let resets: Vec<Nanos> = report.resets.iter().map(|reset| reset.0).collect();
         for output in VALVES.into_iter().chain([POWER]) {
             // A crash leaves the pin as it is, until the reset.

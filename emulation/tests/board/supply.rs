@@ -15,7 +15,7 @@ fn a_start_waits_for_a_supply_that_the_flash_can_work_with() {
         .at(2600 * MILLIS, |bench| bench.supply(3000))
         .until(4 * SECOND)
         .go();
-    let hello = report.when("last reset: PowerOn");
+    let hello = report.when("last reset: power-on");
     assert!((2600 * MILLIS..2612 * MILLIS).contains(&hello), "{hello}");
 }
 
@@ -41,7 +41,7 @@ fn a_supply_that_falls_resets_and_the_next_start_waits() {
         .until(4 * SECOND)
         .go();
     assert_eq!(report.lines("the supply is below 2.84 V, resetting").count(), 1, "{}", report.log_text());
-    let again = report.when("last reset: Software");
+    let again = report.when("last reset: software");
     assert!((2 * SECOND..2012 * MILLIS).contains(&again), "{again}");
     assert!(report.lines("left: ECU link up").next_back().expect("up again").at > again);
 }

@@ -249,7 +249,7 @@ fn numbers_agree_within_the_tolerance_of_their_unit_and_words_exactly() {
         ("20.0 µs", "20.0 µs to 30.0 µs"),
         ("5600 bytes deep, 0x22", "5600 bytes deep, 0x23"),
         ("5", "4"),
-        ("`Pin`", "`PowerOn`"),
+        ("`reset pin`", "`power-on`"),
         ("HSI 0 ppm", "HSI 20 ppm"),
         ("LSI 32000 Hz", "LSI 32100 Hz"),
     ] {
