@@ -27,10 +27,10 @@ pub struct Zk {
 }
 
 impl Zk {
-    /// A field that ECUs carry from a version on (ZK-7): nothing if the version is known to be lower. While
-    /// it is not known the field is given as it came, since its scale does not depend on the version.
-    fn since<T>(&self, since: zk::Version, value: T) -> Option<T> {
-        (zk::Version::knows(self.version, since) != Some(false)).then_some(value)
+    /// A value that ECUs report from a version on. While the version is not known the value is given as it came, since its
+    /// scale does not depend on the version.
+    fn since<T: Copy>(&self, value: zk::Since<T>) -> Option<T> {
+        value.unless_older(self.version)
     }
 }
 
@@ -71,7 +71,8 @@ impl Telemetry for Zk {
             }
             zk::Status::Voltages { .. } => "voltages".to_owned(),
             zk::Status::Load { current, thrust } => {
-                format!("{} mA, thrust {} g", current.get(), thrust.get())
+                let thrust = self.since(thrust).map(|thrust| format!(", thrust {} g", thrust.get()));
+                format!("{} mA{}", current.get(), thrust.unwrap_or_default())
             }
             zk::Status::Settings { .. } => "settings".to_owned(),
             zk::Status::Identity { max_rpm, version, .. } => {
@@ -110,7 +111,7 @@ impl Telemetry for Zk {
             }
             zk::Status::Load { current, thrust } => {
                 record.field("current_a", thousandths(current.get()));
-                record.field("thrust_kg", self.since(zk::Status::THRUST_SINCE, thousandths(thrust.get())));
+                record.field("thrust_kg", self.since(thrust).map(|thrust| thousandths(thrust.get())));
             }
             zk::Status::Settings { ignition_pump, increase, decrease } => {
                 record.field("ignition_pump_v", thousandths(ignition_pump.get()));
@@ -128,16 +129,14 @@ impl Telemetry for Zk {
                 record.field("flow_l_min", thousandths(flow.get()));
                 record.field("fuel_l", thousandths(total.get()));
             }
-            zk::Status::Idle { idle_rpm, pressure_requested, closed_loop, startup } => {
+            zk::Status::Idle { idle_rpm, details } => {
+                let details = self.since(details);
                 record.field("idle_rpm", idle_rpm.get());
-                record
-                    .field("pressure_requested", self.since(zk::Status::IDLE_REST_SINCE, pressure_requested));
-                record.field("closed_loop", self.since(zk::Status::IDLE_REST_SINCE, closed_loop));
+                record.field("pressure_requested", details.map(|details| details.pressure_requested));
+                record.field("closed_loop", details.map(|details| details.closed_loop));
                 // Twelve bits of 0.1 s.
-                record.field(
-                    "startup_s",
-                    self.since(zk::Status::IDLE_REST_SINCE, thousandths(startup.as_millis() as u32)),
-                );
+                let startup = details.map(|details| thousandths(details.startup.as_millis() as u32));
+                record.field("startup_s", startup);
             }
             zk::Status::Temperature { ecu } => record.field("ecu_c", tenths(ecu.tenths())),
             zk::Status::Unknown => {}

@@ -91,7 +91,7 @@ impl DebouncedStatus {
             }
             Status::Load { current, thrust } => {
                 report.current = Some(Timed::new(current, now));
-                if Version::knows(version, Status::THRUST_SINCE) == Some(true) {
+                if let Some(thrust) = thrust.known(version) {
                     report.thrust = Some(Timed::new(thrust, now));
                 }
             }
@@ -115,14 +115,14 @@ impl DebouncedStatus {
                 report.fuel_flow = Some(Timed::new(flow, now));
                 report.fuel_total = Some(Timed::new(total, now));
             }
-            Status::Idle { idle_rpm, pressure_requested, closed_loop, startup } => {
+            Status::Idle { idle_rpm, details } => {
                 if self.idle.see(idle_rpm) {
                     report.idle_rpm = Some(Timed::new(idle_rpm, now));
                 }
-                if Version::knows(version, Status::IDLE_REST_SINCE) == Some(true) {
-                    report.pressure_requested = Some(Timed::new(pressure_requested, now));
-                    report.closed_loop = Some(Timed::new(closed_loop, now));
-                    report.startup = Some(Timed::new(startup, now));
+                if let Some(details) = details.known(version) {
+                    report.pressure_requested = Some(Timed::new(details.pressure_requested, now));
+                    report.closed_loop = Some(Timed::new(details.closed_loop, now));
+                    report.startup = Some(Timed::new(details.startup, now));
                 }
             }
             Status::Temperature { ecu } => report.ecu_temperature = Some(Timed::new(ecu, now)),

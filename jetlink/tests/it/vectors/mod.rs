@@ -10,7 +10,7 @@ use embassy_time::Duration;
 use jetlink::ecu::amt::codec as amt;
 use jetlink::ecu::zk::codec::{
     AccelerationCurve, Action, Control, ControlError, ErrorCode, IgnitionPumpVoltage, Rate, RpmCode,
-    RpmFactor, State, Status, StatusFrame, Switch, SwitchStatus, Version, VoltageByte, crc8,
+    RpmFactor, Since, State, Status, StatusFrame, Switch, SwitchStatus, Version, VoltageByte, crc8,
 };
 use jetlink::line::Line;
 use jetlink::units::{Celsius, Hectopascals, Millivolts, Rpm, Throttle};

@@ -18,5 +18,5 @@ pub use control::{
 pub use decoder::{Decoder, DecoderCounters};
 pub use frame::{CONTROL_HEAD, CONTROL_LEN, STATUS_LEN, crc8};
 pub use rate::Rate;
-pub use status::{ErrorCode, State, Status, StatusFrame, SwitchStatus, VoltageByte};
-pub use version::Version;
+pub use status::{ErrorCode, IdleDetails, State, Status, StatusFrame, SwitchStatus, VoltageByte};
+pub use version::{Since, Version};

@@ -2,7 +2,7 @@
 
 use super::frame::{STATUS_LEN, crc8, is_status_head};
 use super::rate::Rate;
-use super::version::Version;
+use super::version::{Since, Version};
 use crate::codes::open_enum;
 use crate::ecu::vendor::VendorFaults;
 use crate::units::{Celsius, Grams, Milliamps, Millilitres, MillilitresPerMinute, Millivolts, Pascals, Rpm};
@@ -169,7 +169,7 @@ pub enum Status {
         /// Current, in steps of 0.1 A.
         current: Milliamps,
         /// Thrust, in steps of 0.1 kg. From version 2.
-        thrust: Grams,
+        thrust: Since<Grams>,
     },
     /// ID 5.
     Settings {
@@ -202,12 +202,8 @@ pub enum Status {
     Idle {
         /// The engine's idle rpm, in steps of 1000.
         idle_rpm: Rpm,
-        /// ESR: the ECU requests the atmospheric pressure. From version 4.
-        pressure_requested: bool,
-        /// SCL: rpm closed loop. From version 4.
-        closed_loop: bool,
-        /// Start-up time, in steps of 0.1 s. From version 4.
-        startup: Duration,
+        /// The rest. From version 4.
+        details: Since<IdleDetails>,
     },
     /// ID 9, from version 5.
     Temperature {
@@ -218,11 +214,16 @@ pub enum Status {
     Unknown,
 }
 
-impl Status {
-    /// The version that introduced the thrust in ID 4 (ZK-7).
-    pub const THRUST_SINCE: Version = Version::V2;
-    /// The version that introduced all of ID 8 but the idle rpm (ZK-7).
-    pub const IDLE_REST_SINCE: Version = Version::V4;
+/// All of ID 8 but the idle rpm.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct IdleDetails {
+    /// ESR: the ECU requests the atmospheric pressure.
+    pub pressure_requested: bool,
+    /// SCL: rpm closed loop.
+    pub closed_loop: bool,
+    /// Start-up time, in steps of 0.1 s.
+    pub startup: Duration,
 }
 
 /// A status frame with the right CRC.
@@ -274,7 +275,10 @@ impl StatusFrame {
             },
             4 => Status::Load {
                 current: Milliamps::new(u16::from_be_bytes([byte4 & 1, byte3]) as u32 * 100),
-                thrust: Grams::new(u16::from_be_bytes([byte4 >> 1, byte5]) as u32 * 100),
+                thrust: Since::new(
+                    Version::V2,
+                    Grams::new(u16::from_be_bytes([byte4 >> 1, byte5]) as u32 * 100),
+                ),
             },
             5 => Status::Settings {
                 ignition_pump: Millivolts::new(byte3 as u32 * 20),
@@ -293,9 +297,16 @@ impl StatusFrame {
             },
             8 => Status::Idle {
                 idle_rpm: Rpm::new(byte3 as u32 * 1000),
-                pressure_requested: byte4 & 0x20 != 0,
-                closed_loop: byte4 & 0x10 != 0,
-                startup: Duration::from_millis(u16::from_be_bytes([byte4 & 0x0F, byte5]) as u64 * 100),
+                details: Since::new(
+                    Version::V4,
+                    IdleDetails {
+                        pressure_requested: byte4 & 0x20 != 0,
+                        closed_loop: byte4 & 0x10 != 0,
+                        startup: Duration::from_millis(
+                            u16::from_be_bytes([byte4 & 0x0F, byte5]) as u64 * 100,
+                        ),
+                    },
+                ),
             },
             9 => Status::Temperature { ecu: offset_50(byte3 as u16) },
             _ => Status::Unknown,

@@ -7,6 +7,30 @@ ranged!(
     Version(u8), new, get, "the version", 0..=63
 );
 
+/// A value that ECUs report from a protocol version on (ZK-7). In frames of an earlier version its bits mean nothing.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Since<T> {
+    value: T,
+    since: Version,
+}
+
+impl<T: Copy> Since<T> {
+    pub(super) const fn new(since: Version, value: T) -> Self {
+        Self { value, since }
+    }
+
+    /// The value, if the ECU's version is known to report it.
+    pub fn known(self, version: Option<Version>) -> Option<T> {
+        (Version::knows(version, self.since) == Some(true)).then_some(self.value)
+    }
+
+    /// The value, unless the ECU's version is known not to report it.
+    pub fn unless_older(self, version: Option<Version>) -> Option<T> {
+        (Version::knows(version, self.since) != Some(false)).then_some(self.value)
+    }
+}
+
 impl Version {
     /// The lowest. Every ECU supports its commands, including one whose version is unknown.
     pub const FIRST: Self = Self(1);
