@@ -7,7 +7,7 @@ use crate::ecu::amt::{self, codec::EngineModel};
 use crate::ecu::zk::{self, codec::Rate};
 use crate::ecu::{EcuConfig, Mistake};
 use crate::engine::config::Supervision;
-use crate::line::{Line, Timing};
+use crate::line::{self, Line, Timing};
 use crate::mistake::Sentence;
 use crate::setting::{Row, Setting, SettingError, SettingId};
 
@@ -156,7 +156,7 @@ const FINGERPRINT: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum ConfigError {
-    /// The baud rate is none of 2400, 4800, 9600, 19200, 38400, 57600, 115200.
+    /// The baud rate is none of [`Line::BAUD_RATES`].
     BaudRate(usize),
     /// Two rows have the same port.
     SamePort(usize, usize),
@@ -172,7 +172,7 @@ impl ConfigError {
     /// A sentence without the row, for use in a constant.
     pub const fn message(self) -> &'static str {
         match self {
-            Self::BaudRate(_) => "invalid baud rate: use 2400, 4800, 9600, 19200, 38400, 57600 or 115200",
+            Self::BaudRate(_) => line::INVALID_BAUD_RATE,
             Self::SamePort(..) => "two engines on one port: give each its own",
             Self::Ecu(_, mistake) => mistake.message(),
             Self::Supervision(_, id) => Supervision::row(id).message,

@@ -23,10 +23,22 @@ pub struct Line {
     pub stop_bits: StopBits,
 }
 
-impl Line {
-    /// The rates that both documents print (ZK-12, AMT-1).
-    pub const BAUD_RATES: [u32; 7] = [2400, 4800, 9600, 19_200, 38_400, 57_600, 115_200];
+/// The rates, and what an error says of another one.
+macro_rules! baud_rates {
+    ($first:literal $(, $rate:literal)* or $last:literal) => {
+        impl Line {
+            /// The rates that both documents print (ZK-12, AMT-1).
+            pub const BAUD_RATES: [u32; 7] = [$first $(, $rate)*, $last];
+        }
 
+        /// The text of an error for any other rate.
+        pub(crate) const INVALID_BAUD_RATE: &str =
+            concat!("invalid baud rate: use ", $first $(, ", ", $rate)*, " or ", $last);
+    };
+}
+baud_rates!(2400, 4800, 9600, 19_200, 38_400, 57_600 or 115_200);
+
+impl Line {
     /// 8N1 at a baud rate.
     pub const fn new(baud: u32) -> Self {
         Self { baud, stop_bits: StopBits::One }

@@ -1,7 +1,7 @@
 //! Interface of the conversation with an ECU, and the parts that every link is made of.
 //!
 //! A link is a state machine without IO and without a clock. Inputs carry the time; after each input
-//! [`Link::poll`] is called until it returns [`Output::Wait`]. One frame per input bounds the pending
+//! [`Link::compose`] and [`Link::poll`] are called until there is [`Output::Wait`]. One frame per input bounds the pending
 //! outputs, so nothing allocates and nothing is lost.
 
 use crate::command::{Order, Rejected};
@@ -152,8 +152,10 @@ pub trait Link {
     fn not_sent(&mut self, now: Instant, why: NotSent);
     /// The time given by [`Output::Wait`] has been reached. Early calls have no effect.
     fn timeout(&mut self, now: Instant);
-    /// The next output. Whether anything is sent is decided by the inputs; a reply is composed here, so that it carries the order of
-    /// the moment in which it is handed out.
+    /// Composes the reply that is due, if the UART is free. Called before [`Link::poll`], so that a reply carries the order of the
+    /// moment in which it is handed out.
+    fn compose(&mut self) {}
+    /// The next output. It decides nothing: the inputs and [`Link::compose`] do.
     fn poll(&mut self) -> Output;
     /// Information about the engine in the frame that [`Link::receive`] has just taken. Returned once for each frame.
     fn take_sign(&mut self) -> Option<Sign>;

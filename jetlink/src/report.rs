@@ -195,6 +195,13 @@ pub struct Report {
     pub unknown: Option<Timed<RawFrame>>,
 }
 
+impl Report {
+    /// Whether the ECU reports any faults.
+    pub fn is_faulty(&self) -> bool {
+        self.faults.is_some_and(|faults| !faults.value.is_empty())
+    }
+}
+
 /// State of the link to an ECU.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub enum LinkState {

@@ -261,7 +261,11 @@ impl<'a> Runner<'a> {
     /// Performs the engine's outputs. Returns when to wake it.
     async fn drain(&self) -> Option<Instant> {
         loop {
-            match self.channel.with(|engine| engine.poll()) {
+            let output = self.channel.with(|engine| {
+                engine.compose();
+                engine.poll()
+            });
+            match output {
                 Output::Transmit(mut transmission) => {
                     if self.waited.get() {
                         // The window of a reply to it may be over.

@@ -212,6 +212,25 @@ pub fn place_of(name: &str, rows: &[Row]) -> Option<usize> {
     rows.iter().position(|row| row.name == name)
 }
 
+/// The row of a name, for use in a constant.
+///
+/// # Panics
+/// If there is none.
+pub(crate) const fn row(name: &str, rows: &[Row]) -> Row {
+    let mut place = 0;
+    while place < rows.len() {
+        let (mut letter, of) = (0, rows[place].name.as_bytes());
+        while letter < of.len() && of.len() == name.len() && of[letter] == name.as_bytes()[letter] {
+            letter += 1;
+        }
+        if letter == name.len() {
+            return rows[place];
+        }
+        place += 1;
+    }
+    panic!("no setting of this name")
+}
+
 /// Returns the expression in a place.
 #[doc(hidden)]
 #[macro_export]

@@ -100,7 +100,7 @@ impl Telemetry {
             || self.limited
             || !self.obeyed
             || self.transmitter_failed
-            || self.report.faults.is_some_and(|faults| !faults.value.is_empty());
+            || self.report.is_faulty();
         match () {
             () if fault => Indication::Fault,
             () if self.stop_latched => Indication::StopLatched,

@@ -101,6 +101,12 @@ macro_rules! any_link {
                     }
             }
 
+            fn compose(&mut self) {
+                match self {
+                        $(Self::$name(link) => link.compose(),)+
+                    }
+            }
+
             fn poll(&mut self) -> Output {
                 match self {
                         $(Self::$name(link) => link.poll(),)+

@@ -9,7 +9,7 @@ use super::exhaust::Exhaust;
 use super::life::Life;
 use super::run::Run;
 use super::sources::Intent;
-use super::state::{EngineState, STATE_MAX_AGE};
+use super::state::{self, EngineState};
 use super::{Beginning, Engine, FuelService, Mode, OpenPump, StartWait, slot};
 use crate::command::{Accepted, Command, Demand, Interlock, Order, Origin, Rejected};
 use crate::ecu::Service;
@@ -419,8 +419,7 @@ impl Engine {
             return Err(Rejected::NoLink);
         }
         // Releasing to standby starts nothing, so an old phase does not prevent it: an AMT error set carries none.
-        let reported = self.link.status().report.phase.is_some_and(|phase| phase.age(now) <= STATE_MAX_AGE);
-        if reported {
+        if state::current_phase(now, &self.link.status().report).is_some() {
             self.require_stopped()?;
         }
         self.standby(now, origin);
@@ -467,7 +466,7 @@ impl Engine {
         if self.pump_may_be_open() {
             unmet(Interlock::PumpOpen)?;
         }
-        if report.faults.is_some_and(|faults| !faults.value.is_empty()) {
+        if report.is_faulty() {
             unmet(Interlock::Fault)?;
         }
         if EngineState::of(now, LinkState::Up, report) != EngineState::Standby {

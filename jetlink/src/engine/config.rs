@@ -3,7 +3,7 @@
 use crate::command::Origin;
 use crate::limit::{Action, Limit};
 use crate::setting::{
-    Row, Setting, SettingError, SettingId, by_place, kind, place_of, rows, settings, symbol,
+    self, Row, Setting, SettingError, SettingId, by_place, kind, place_of, rows, settings, symbol,
 };
 use embassy_time::Duration;
 
@@ -68,9 +68,11 @@ settings! {
     }
 }
 
-/// Range of [`StartRules::timeout`].
-pub(super) const START_TIMEOUT_MIN: Duration = Duration::from_secs(5);
-pub(super) const START_TIMEOUT_MAX: Duration = Duration::from_secs(600);
+/// Range of [`StartRules::timeout`], as its row has it.
+pub(super) const START_TIMEOUT: (Duration, Duration) = {
+    let row = setting::row("START_TIMEOUT", StartRules::ROWS);
+    (Duration::from_millis(row.min as u64), Duration::from_millis(row.max as u64))
+};
 
 settings! {
     /// Rates of change of the demand in normal flight; of an rpm demand, the same share of the engine's maximum rpm. They

@@ -31,7 +31,7 @@ mod shaper;
 mod sources;
 mod supply;
 
-use self::config::{START_TIMEOUT_MAX, START_TIMEOUT_MIN, Supervision};
+use self::config::{START_TIMEOUT, Supervision};
 use self::exhaust::Exhaust;
 use self::life::{Finding, Life};
 use self::limits::LimitMonitor;
@@ -40,7 +40,7 @@ use self::retained::RetainedState;
 use self::run::{Arbitration, Run};
 use self::shaper::{Lowered, Shaper};
 use self::sources::Sources;
-use self::state::{EngineState, STATE_MAX_AGE};
+use self::state::EngineState;
 use crate::command::{Accepted, Command, Demand, Interlock, Order, Ordered, Origin, Rejected};
 use crate::config::{EngineConfig, LinkSettings};
 use crate::ecu::EcuConfig;
@@ -319,7 +319,12 @@ impl Engine {
         }
     }
 
-    /// See [`Link::poll`]. It decides nothing: the inputs do.
+    /// See [`Link::compose`].
+    pub fn compose(&mut self) {
+        self.link.compose();
+    }
+
+    /// See [`Link::poll`]. It decides nothing: the inputs and [`Engine::compose`] do.
     pub fn poll(&mut self) -> Output {
         let output = self.link.poll();
         if let (Output::Transmit(_), Mode::Run(run)) = (&output, &mut self.mode) {
@@ -563,7 +568,8 @@ impl Engine {
     fn start_time(&self) -> Duration {
         match self.link.status().report.startup {
             Some(startup) if startup.value.as_ticks() > 0 => {
-                (startup.value * 2).clamp(START_TIMEOUT_MIN, START_TIMEOUT_MAX)
+                let (min, max) = START_TIMEOUT;
+                (startup.value * 2).clamp(min, max)
             }
             _ => self.config.start.timeout,
         }
@@ -703,13 +709,11 @@ impl Engine {
         if !run.life.reached() {
             return;
         }
-        let phase = self.link.status().report.phase;
-        let old = phase.is_none_or(|phase| phase.age(now) > STATE_MAX_AGE);
-        let only_faults =
-            old && self.link.status().report.faults.is_some_and(|faults| !faults.value.is_empty());
-        if self.link.status().state == LinkState::Lost || only_faults {
+        let status = self.link.status();
+        let reported = state::current_phase(now, &status.report).is_some();
+        if status.state == LinkState::Lost || !reported && status.report.is_faulty() {
             self.failed = true;
-        } else if run.life.in_doubt().is_none() && !old {
+        } else if run.life.in_doubt().is_none() && reported {
             self.failed = false;
         }
     }

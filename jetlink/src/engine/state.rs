@@ -8,6 +8,11 @@ use embassy_time::{Duration, Instant};
 /// Largest age of a reported state that counts as current.
 pub(super) const STATE_MAX_AGE: Duration = Duration::from_secs(3);
 
+/// The reported phase, unless its report is missing or old.
+pub(super) fn current_phase(now: Instant, report: &Report) -> Option<Phase> {
+    report.phase.filter(|phase| phase.age(now) <= STATE_MAX_AGE).map(|phase| phase.value)
+}
+
 /// State of an engine.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum EngineState {
@@ -46,8 +51,7 @@ impl EngineState {
         if link != LinkState::Up {
             return Self::Offline;
         }
-        let faulty = report.faults.is_some_and(|faults| !faults.value.is_empty());
-        let phase = report.phase.filter(|phase| phase.age(now) <= STATE_MAX_AGE).map(|phase| phase.value);
+        let phase = current_phase(now, report);
         let switch = report.switch.map(|switch| switch.value);
         let run = switch == Some(ReportedSwitch::Run);
         let ending = matches!(switch, Some(ReportedSwitch::Standby | ReportedSwitch::Stop));
@@ -59,7 +63,7 @@ impl EngineState {
                 Self::Starting(report.state.map_or(EcuState { code: 0, name: "" }, |state| state.value))
             }
             // An AMT error set carries no state: the fault is all that is known.
-            _ if faulty => Self::Fault,
+            _ if report.is_faulty() => Self::Fault,
             Some(Phase::Stopped) => Self::Stopped,
             Some(Phase::Standby) if run => Self::StartRequested,
             Some(Phase::Standby) => Self::Standby,

@@ -248,20 +248,6 @@ impl AmtLink {
         self.due = in_time.then(|| now + REPLY_WINDOW);
     }
 
-    /// Hands the reply to the outbox, if the UART is free for it.
-    fn reply(&mut self) {
-        if self.outbox.busy() {
-            return;
-        }
-        let Some(window_end) = self.due.take() else { return };
-        let Some(control) = self.control() else { return };
-        if control.ops == Ops::Ctf && !core::mem::replace(&mut self.ctf_ordered, true) {
-            self.outbox.event(Event::ServiceSent(AnyService::Amt(Service::Ctf)));
-        }
-        self.sending = Some(window_end);
-        self.outbox.put(Transmission::new(control.encode(), self.start_by(window_end)));
-    }
-
     /// Latest time for the first start bit of a reply.
     fn start_by(&self, window_end: Instant) -> Option<Instant> {
         self.slack.map(|slack| window_end - REPLY_WINDOW + slack)
@@ -416,8 +402,20 @@ impl Link for AmtLink {
         }
     }
 
+    fn compose(&mut self) {
+        if self.outbox.busy() {
+            return;
+        }
+        let Some(window_end) = self.due.take() else { return };
+        let Some(control) = self.control() else { return };
+        if control.ops == Ops::Ctf && !core::mem::replace(&mut self.ctf_ordered, true) {
+            self.outbox.event(Event::ServiceSent(AnyService::Amt(Service::Ctf)));
+        }
+        self.sending = Some(window_end);
+        self.outbox.put(Transmission::new(control.encode(), self.start_by(window_end)));
+    }
+
     fn poll(&mut self) -> Output {
-        self.reply();
         self.outbox.poll(&mut self.status).unwrap_or(Output::Wait(self.monitor.deadline()))
     }
 

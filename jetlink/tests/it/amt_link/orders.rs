@@ -159,6 +159,7 @@ fn an_emergency_stop_replaces_a_reply_that_was_not_handed_out() {
     // At once, without the drain that the bench does between two inputs.
     Link::receive(link, now, &normal(FULL_OPERATION, RUN, 100));
     link.order(now, Order::EmergencyStop).unwrap();
+    Link::compose(link);
     let reply = loop {
         match Link::poll(link) {
             Output::Transmit(reply) => break reply,

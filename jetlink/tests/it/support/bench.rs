@@ -42,6 +42,7 @@ macro_rules! machine {
                 $as::timeout(self, now);
             }
             fn poll(&mut self) -> Output {
+                $as::compose(self);
                 $as::poll(self)
             }
             $(fn supervise(&mut self) {

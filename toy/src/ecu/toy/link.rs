@@ -171,7 +171,7 @@ impl Link for ToyLink {
         self.service = None;
     }
     fn service_frames(&self) -> ServiceFrames {
-        ServiceFrames { command: self.service.is_some(), closing_pump: false }
+        ServiceFrames { command: self.service.is_some(), ..ServiceFrames::default() }
     }
     fn status(&self) -> &LinkStatus {
         &self.status
