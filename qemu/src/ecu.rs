@@ -7,7 +7,6 @@
 use jetlink::config::EngineConfig;
 use jetlink::ecu::EcuConfig;
 use jetlink::ecu::amt::codec::EngineModel;
-use jetlink::line::StopBits;
 use sim::any::{AnyConfig, AnyEcu};
 use sim::ecu::{Ecu, LineFault, MILLIS, Nanos};
 use sim::line::Line;
@@ -50,14 +49,7 @@ pub struct Attached {
 impl Attached {
     /// The ECU of a row in the table of engines. ZK ECUs alternate between protocol versions 5 and 4.
     pub fn new(row: usize, engine: &EngineConfig, turbine: Turbine) -> Self {
-        let line = Line {
-            baud: engine.line.baud,
-            stop_bits: match engine.line.stop_bits {
-                StopBits::One => sim::line::StopBits::One,
-                StopBits::Two => sim::line::StopBits::Two,
-            },
-            even_parity: false,
-        };
+        let line = Line::with_bits(engine.line.baud, engine.line.bits_per_byte());
         let mut config = match &engine.ecu {
             EcuConfig::Amt(config) => AnyConfig::amt(amt_engine(config.engine)),
             EcuConfig::Zk(_) => AnyConfig::zk(if row.is_multiple_of(2) { 5 } else { 4 }),

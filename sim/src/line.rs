@@ -33,6 +33,18 @@ impl Line {
         Self { baud, stop_bits: StopBits::Two, even_parity: false }
     }
 
+    /// 8N1 or 8N2, by the bits on the line for each byte: 10 or 11.
+    ///
+    /// # Panics
+    /// With any other number of bits.
+    pub fn with_bits(baud: u32, bits_per_byte: u32) -> Self {
+        match bits_per_byte {
+            10 => Self::n1(baud),
+            11 => Self::n2(baud),
+            other => panic!("{other} bits for each byte: no ECU has such a line"),
+        }
+    }
+
     /// 8E2 at this baud rate.
     pub const fn e2(baud: u32) -> Self {
         Self { even_parity: true, ..Self::n2(baud) }
@@ -72,7 +84,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn times_of_the_amt_document() {
+    fn bytes_take_the_times_that_the_amt_document_prints() {
         // "Time per byte 4,16 msec", "20,8 ms" for the five bytes of a control message.
         let line = Line::n1(2400);
         assert_eq!(line.byte_ns(1), 4_166_667);
@@ -81,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn stop_bits_count() {
+    fn stop_bits_and_parity_take_their_time() {
         assert_eq!(Line::n1(9600).byte_ns(7), 7_291_667); // 70 bits (ZK-11)
         assert_eq!(Line::n2(9600).byte_ns(7), 8_020_833); // 77 bits
         assert_eq!(Line::n1(115_200).byte_ns(1), 86_806);
@@ -89,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn no_error_gathers() {
+    fn rounding_errors_do_not_accumulate() {
         for baud in [2400, 4800, 9600, 19_200, 38_400, 57_600, 115_200, 230_400] {
             assert_eq!(Line::n1(baud).byte_ns(u64::from(baud)), 10_000_000_000);
             assert_eq!(Line::n2(baud).byte_ns(u64::from(baud)), 11_000_000_000);

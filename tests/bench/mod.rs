@@ -8,7 +8,7 @@ use jetlink::channel::{Channel, Events, Handle};
 use jetlink::command::{Accepted, Command, Demand, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::event::Event;
-use jetlink::line::{Line, StopBits};
+use jetlink::line::Line;
 use jetlink::report::Phase;
 use jetlink::runner::LineErrors;
 use jetlink::units::{Rpm, Throttle};
@@ -22,7 +22,7 @@ use std::future::Future;
 
 /// Longer than any start, any cooling and any retry.
 pub const LONG: Duration = Duration::from_secs(900);
-/// How often a source of commands speaks.
+/// Time between two commands of a source.
 const PERIOD: Duration = Duration::from_millis(100);
 
 pub struct Bench<E> {
@@ -129,10 +129,7 @@ pub fn rpm(rpm: u32) -> Command {
 }
 
 pub fn sim_line(line: Line) -> sim::line::Line {
-    match line.stop_bits {
-        StopBits::One => sim::line::Line::n1(line.baud),
-        StopBits::Two => sim::line::Line::n2(line.baud),
-    }
+    sim::line::Line::with_bits(line.baud, line.bits_per_byte())
 }
 
 /// The control frames that the node put on the wire, before any fault: when each began, and what it commands. The record may begin or
@@ -154,7 +151,7 @@ pub fn control_frames(protocol: Protocol, record: &[Entry]) -> Vec<(Nanos, contr
     whole.collect()
 }
 
-/// One command, by whatever source: a test speaks for all of them.
+/// One command, by whatever source: a test commands as any of them.
 pub fn command_as(handle: &Handle<'_>, command: Command, origin: Origin) -> Result<Accepted, Rejected> {
     let source = match origin {
         Origin::Emergency => handle.emergency_source(),

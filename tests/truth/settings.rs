@@ -8,7 +8,6 @@ use jetlink::command::{Command, Demand};
 use jetlink::config::EngineConfig;
 use jetlink::engine::config::{Governor, Slew, Supervision};
 use jetlink::limit::{Action, Limit};
-use jetlink::line::StopBits;
 use jetlink::units::{Celsius, Rpm, Throttle};
 use sim::any::{AnyConfig, AnyEcu, Protocol};
 
@@ -37,10 +36,7 @@ impl Setup {
     }
 
     fn of(config: EngineConfig, ecu: AnyConfig, count: usize) -> Self {
-        let line = match config.line.stop_bits {
-            StopBits::One => sim::line::Line::n1(config.line.baud),
-            StopBits::Two => sim::line::Line::n2(config.line.baud),
-        };
+        let line = sim::line::Line::with_bits(config.line.baud, config.line.bits_per_byte());
         let rules = rules(&config, &ecu, count);
         Self { config, rules, line, ecu }
     }

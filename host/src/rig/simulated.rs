@@ -1,7 +1,6 @@
 //! The simulated ECU of an engine, its line and its turbine.
 
 use super::engines::Engine;
-use jetlink::line::StopBits;
 use sim::any::AnyEcu;
 use sim::line::Line;
 use sim::turbine::Parameters;
@@ -16,11 +15,7 @@ pub fn ecu(engine: &Engine) -> AnyEcu {
 
 /// The line of this engine, in the terms of the simulation.
 pub fn line(engine: &Engine) -> Line {
-    let baud = engine.config.line.baud;
-    match engine.config.line.stop_bits {
-        StopBits::One => Line::n1(baud),
-        StopBits::Two => Line::n2(baud),
-    }
+    Line::with_bits(engine.config.line.baud, engine.config.line.bits_per_byte())
 }
 
 /// The figures of this engine's turbine.

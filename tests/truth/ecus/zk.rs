@@ -35,10 +35,8 @@ pub fn random(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {
     };
     let baud = rng.pick(bauds);
     let two = baud > 2400 && rng.percent(20);
-    let (line, sim_line) = match two {
-        true => (Line::with_two_stop_bits(baud), sim::line::Line::n2(baud)),
-        false => (Line::new(baud), sim::line::Line::n1(baud)),
-    };
+    let line = if two { Line::with_two_stop_bits(baud) } else { Line::new(baud) };
+    let sim_line = sim::line::Line::with_bits(baud, line.bits_per_byte());
     let mut config = EngineConfig::zk("zk", port, line, rate);
     if let EcuConfig::Zk(zk) = &mut config.ecu {
         zk.split_switch = rng.percent(30);

@@ -8,7 +8,7 @@ use jetlink::channel::Handle;
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::event::Event;
-use jetlink::line::{Line, StopBits};
+use jetlink::line::Line;
 use jetlink::units::Throttle;
 use sim::any::AnyEcu;
 use sim::clock;
@@ -130,10 +130,7 @@ pub(super) fn throttle(tenths: u64) -> Demand {
 }
 
 pub(super) fn sim_line(line: Line) -> sim::line::Line {
-    match line.stop_bits {
-        StopBits::One => sim::line::Line::n1(line.baud),
-        StopBits::Two => sim::line::Line::n2(line.baud),
-    }
+    sim::line::Line::with_bits(line.baud, line.bits_per_byte())
 }
 
 impl Rig {
