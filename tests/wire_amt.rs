@@ -131,7 +131,7 @@ fn amt_2_a_frame_of_unknown_kind_is_answered() {
 
 /// AMT-11: nothing is sent without a frame to answer. The control for it: a frame, and a reply.
 #[test]
-fn amt_11_a_silent_ecu_hears_nothing() {
+fn amt_11_a_silent_ecu_is_sent_nothing() {
     let bench = bench(2400, 4);
     bench.plug.power(false);
     bench.plug.record(true);
@@ -149,7 +149,7 @@ fn amt_11_a_silent_ecu_hears_nothing() {
 
 /// AMT-14, and the whole way: standby, start, throttle, standby. The values in telemetry are the turbine's.
 #[test]
-fn amt_14_start_run_and_shut_down() {
+fn amt_14_the_start_throttle_is_sent_until_full_operation() {
     let bench = bench(2400, 5);
     bench.plug.record(true);
     bench.play(LONG, async {

@@ -142,7 +142,7 @@ fn zk_7_versions_gate_commands() {
 
 /// ZK-9 mode 1: switch and throttle in ID 1; the whole way from standby to standby.
 #[test]
-fn zk_9_mode_1_start_run_and_shut_down() {
+fn zk_9_in_mode_1_an_engine_starts_runs_and_shuts_down() {
     for version in 1..=5 {
         let bench = bench(version);
         bench.plug.record(true);

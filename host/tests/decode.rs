@@ -367,7 +367,7 @@ fn setup(text: &[u8]) -> Vec<u8> {
 
 /// A version without an engine gives no engine, so a hint and an earlier frame still hold.
 #[test]
-fn set_up_set_with_an_unnumbered_version() {
+fn a_set_up_set_with_an_unnumbered_version_names_no_engine() {
     let input = [&setup(b"15.35 140617 "), &AMT_NORMAL[..]].concat();
     let found = objects(&decode(&["--protocol", "amt", "--engine", "olympus"], &input));
     assert_eq!(found[0]["engine"], Value::Null);
@@ -383,7 +383,7 @@ fn set_up_set_with_an_unnumbered_version() {
 
 /// The text of a set-up set is not checked by anything on the wire: the output stays JSON whatever it holds.
 #[test]
-fn set_up_set_with_any_text() {
+fn a_set_up_set_with_any_text_is_printed_as_json() {
     let found = objects(&decode(&["--protocol", "amt"], &setup(b"\".3\n 14\\\x00\x1F7 ")));
     assert_eq!(found[0]["version"], "\".3\n");
     assert_eq!(found[0]["date"], "14\\\0\u{1F}7");

@@ -480,7 +480,7 @@ fn reported(text: &str, name: &str, expected: &[&str]) {
 }
 
 #[test]
-fn the_source_is_lost_in_flight() {
+fn a_source_lost_in_flight_goes_through_the_stages_and_comes_back() {
     let (_, happened) = scenario("source-loss", 20);
     for what in ["left: reported, hold", "left: reported, fail-safe", "left: reported, the source is back"] {
         assert!(happened.iter().any(|happened| happened == what), "{what}: {happened:#?}");
@@ -552,12 +552,12 @@ fn a_reset_in_flight_leaves_a_gap_within_its_bound() {
 }
 
 #[test]
-fn one_of_two_engines_is_lost() {
+fn when_one_of_two_engines_is_lost_the_scenario_passes() {
     scenario("engine-lost", 8);
 }
 
 #[test]
-fn an_emergency_stop_during_a_start() {
+fn an_emergency_stop_during_a_start_is_latched() {
     let (text, _) = scenario("emergency-stop", 20);
     reported(
         &text,
@@ -574,7 +574,7 @@ fn an_emergency_stop_during_a_start() {
 
 /// Each has to have judged at least so much, for each of its engines.
 #[test]
-fn the_named_cases_of_the_supervision() {
+fn every_named_case_of_the_supervision_passes() {
     let least = [54, 12, 22, 36, 29, 9, 20, 5, 16, 17, 7, 10];
     for (name, least) in CASES.into_iter().zip(least).filter(|(name, _)| *name != "ecu-swapped") {
         scenario(name, least);

@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn end_points_and_pulses_that_are_not_accepted() {
+    fn pulses_from_800_to_2200_us_are_a_throttle_and_all_others_are_none() {
         let settings = EngineSettings::DEFAULT;
         for (pulse, expected) in [
             (0, None),

@@ -296,7 +296,7 @@ impl Outputs {
         let rpm = telemetry.current(telemetry.report.rpm).filter(|_| up).map(|rpm| rpm.get());
         let egt = telemetry.current(telemetry.report.egt).filter(|_| up).map(Celsius::tenths);
         let turns = telemetry.shaft_turns().filter(|_| up);
-        // Without a shaft speed the exhaust tells.
+        // Without a shaft speed the exhaust decides.
         let may_run = turns.unwrap_or(egt.is_some_and(|egt| egt > COLD.tenths()));
         // What the node itself orders in doubt concludes nothing about an ECU that does not report its state.
         let meant = telemetry.ordered.origin != Origin::Node || phase(telemetry).is_some();

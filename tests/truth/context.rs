@@ -3,7 +3,7 @@
 use crate::ecus::{self, Seen};
 use crate::faults::{Disturber, Fault, Weather};
 use crate::history::{
-    Commanded, History, MS, Mark, PilotCommand, Pin, SECOND, Sample, Spans, Spoken, Sticks,
+    ByMavlink, Commanded, History, MS, Mark, PilotCommand, Pin, SECOND, Sample, Spans, Sticks,
 };
 use crate::judge::{Verdict, judge};
 use crate::pilots::{Habit, Pilot, Rng, View};
@@ -57,8 +57,8 @@ pub struct EngineContext {
     script: Script,
     valve: Valve,
     transmitter: Option<Transmitter>,
-    /// Until when its autopilot says nothing of its outputs.
-    pub not_spoken_to_until: u64,
+    /// Until when its autopilot sends nothing of its outputs.
+    pub outputs_silent_until: u64,
 }
 
 /// What a case does with an engine, and when.
@@ -154,7 +154,7 @@ impl EngineContext {
             script: Script::default(),
             valve: Valve::new(Wiring::DelayOff),
             transmitter: None,
-            not_spoken_to_until: 0,
+            outputs_silent_until: 0,
             setup,
         };
         (context, (rx, tx))
@@ -176,16 +176,16 @@ impl EngineContext {
     }
 
     /// It is commanded through MAVLink: that source is no other pilot's.
-    pub fn speak(&mut self, spoken: Spoken) {
+    pub fn command_by_mavlink(&mut self, mavlink: ByMavlink) {
         self.pilots.retain(|pilot| pilot.source != MAVLINK);
-        self.history.spoken = Some(spoken);
+        self.history.mavlink = Some(mavlink);
     }
 
     /// Until when no pilot commands anything.
     pub fn silent_until(&self) -> u64 {
         let pilots = self.next_pilot();
-        match &self.history.spoken {
-            Some(spoken) if spoken.has_output => pilots.min(self.not_spoken_to_until),
+        match &self.history.mavlink {
+            Some(mavlink) if mavlink.has_output => pilots.min(self.outputs_silent_until),
             _ if self.pilots.is_empty() => 0,
             _ => pilots,
         }
@@ -388,7 +388,7 @@ impl EngineContext {
         View { now: at, phase, egt, cool: rules.egt_max, max_rpm: takes_rpm.then_some(rules.max_rpm as u32) }
     }
 
-    /// What the pilots say now reaches the node, if there is one.
+    /// What the pilots command now reaches the node, if there is one.
     fn commands_now(&mut self, rng: &mut Rng, handle: Option<&Handle<'_>>) {
         let at = now();
         if self.pilots.iter().all(|pilot| pilot.next > at) {

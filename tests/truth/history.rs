@@ -249,8 +249,8 @@ pub struct Sticks {
     pub on: bool,
 }
 
-/// What somebody behind MAVLink says to an engine that the documents let count: it is well formed, addressed to it, and from a system
-/// that may say it.
+/// A MAVLink message that the documents let count for an engine: it is well formed, addressed to it, and from a system that may command
+/// it.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Word {
     /// A frame of the autopilot's outputs: the throttle of the engine's one, 0.1 %; `None`: no pulse that is accepted. `sure`: it is
@@ -281,7 +281,7 @@ pub enum Word {
 
 /// A word that came to the node.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Said {
+pub struct Received {
     pub at: u64,
     pub word: Word,
 }
@@ -295,7 +295,7 @@ pub struct Answered {
 
 /// An engine that is commanded through MAVLink.
 #[derive(Clone, PartialEq, Default, Debug)]
-pub struct Spoken {
+pub struct ByMavlink {
     /// Its demand comes from an output of the autopilot; otherwise it idles, and heartbeats keep the order alive.
     pub has_output: bool,
     /// It starts with the throttle above idle.
@@ -304,7 +304,7 @@ pub struct Spoken {
     pub standby_after: Option<u64>,
     /// The id of the vehicle has to be learnt after each start of the node.
     pub learns: bool,
-    pub said: Vec<Said>,
+    pub received: Vec<Received>,
     pub answers: Vec<Answered>,
     /// When a damaged frame came: what follows it may be found later.
     pub damaged: Vec<u64>,
@@ -511,8 +511,8 @@ pub struct History {
     pub sticks: Vec<Sticks>,
     /// When a damaged frame of theirs came.
     pub damaged_sticks: Vec<u64>,
-    /// What is said through MAVLink, where the engine is commanded so.
-    pub spoken: Option<Spoken>,
+    /// What is received through MAVLink, where the engine is commanded so.
+    pub mavlink: Option<ByMavlink>,
 }
 
 impl History {
@@ -543,7 +543,7 @@ impl History {
             shut: Spans::default(),
             sticks: Vec::new(),
             damaged_sticks: Vec::new(),
-            spoken: None,
+            mavlink: None,
         }
     }
 

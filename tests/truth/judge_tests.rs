@@ -1,8 +1,8 @@
 //! The judge can fail: for each rule a history made by hand that breaks it and nothing else, beside one that keeps it.
 
 mod flight;
+mod mavlink;
 mod silence;
-mod spoken;
 mod starts;
 mod sticks;
 mod stops;

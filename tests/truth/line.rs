@@ -15,14 +15,14 @@ pub struct Quality {
     pub held: u64,
 }
 
-/// A frame on its way, and what it says.
+/// A frame on its way, and what it meaning.
 #[derive(Clone, Debug)]
 pub struct InFlight<T> {
     pub sent: u64,
     pub due: u64,
     pub bytes: Vec<u8>,
     /// `None`: it is damaged.
-    pub says: Option<T>,
+    pub meaning: Option<T>,
     /// It is the same frame as the one before.
     pub copy: bool,
 }
@@ -55,7 +55,7 @@ impl<T: Clone> Line<T> {
         self.frames.clear();
     }
 
-    pub fn send(&mut self, rng: &mut Rng, now: u64, mut bytes: Vec<u8>, says: T) {
+    pub fn send(&mut self, rng: &mut Rng, now: u64, mut bytes: Vec<u8>, meaning: T) {
         let Quality { lost, damaged, twice, held } = self.quality;
         if rng.below(1000) < held {
             self.held_until = now + rng.spread(50 * MS, 3 * SECOND);
@@ -82,8 +82,8 @@ impl<T: Clone> Line<T> {
                 }
             }
         }
-        let says = (!is_damaged).then_some(says);
-        let frame = InFlight { sent: now, due, bytes, says, copy: false };
+        let meaning = (!is_damaged).then_some(meaning);
+        let frame = InFlight { sent: now, due, bytes, meaning, copy: false };
         let copy = !is_damaged && rng.below(1000) < twice;
         let copy = copy.then(|| InFlight { copy: true, ..frame.clone() });
         self.frames.push_back(frame);

@@ -96,7 +96,7 @@ fn number(name: &str) -> Option<u64> {
     std::env::var(name).ok()?.parse().ok()
 }
 
-/// Says each tenth of a long campaign.
+/// Meaning each tenth of a long campaign.
 fn progress(before: u64, now: u64, engine_seconds: u64) {
     let tenth = |seconds: u64| seconds * 10 / engine_seconds;
     if engine_seconds >= LONG && tenth(now) > tenth(before) {
@@ -172,7 +172,7 @@ fn the_truth_is_as_it_should_be_in_random_worlds_with_mavlink() {
     if let Some(text) = text {
         panic!("{text}");
     }
-    for what in ["words of MAVLink", "starts of MAVLink", "frames of a stream that had to be followed"] {
+    for what in ["messages of MAVLink", "starts of MAVLink", "frames of a stream that had to be followed"] {
         assert!(tally.seen.get(what).is_some_and(|count| *count >= 3), "too few {what}");
     }
 }

@@ -18,7 +18,7 @@ use sim::turbine::Phase;
 /// Where stick and switch are on the transmitter, and which pulses they give.
 #[derive(Clone, Copy, Debug)]
 pub struct Layout {
-    /// What the node is told of it.
+    /// What the node receives of it.
     settings: EngineSettings,
     /// Pulses of stop, standby and run.
     positions: [u16; 3],

@@ -5,7 +5,7 @@ use crate::context::EngineContext;
 use crate::frames::{
     Dress, Message, Sender, acks, command_cancel, command_int, command_long, frame, heartbeat, outputs,
 };
-use crate::history::{Answered, Commanded, MS, SECOND, Said, Spoken, Word};
+use crate::history::{Answered, ByMavlink, Commanded, MS, Received, SECOND, Word};
 use crate::line::{InFlight, Line, Quality};
 use crate::pilots::{Rng, View};
 use crate::settings;
@@ -44,9 +44,9 @@ const MAGIC: f32 = 21196.0;
 const LATE: u64 = 300 * MS;
 const LATE_SLACK: u64 = 60 * MS;
 
-/// What a frame says, and to which engines of the node.
+/// What a frame means, and to which engines of the node.
 #[derive(Clone, Debug)]
-enum Says {
+enum Meaning {
     /// Nothing that counts.
     Nothing,
     To(usize, Word),
@@ -101,7 +101,7 @@ struct Autopilot {
 
 /// What the judge needs to know of the autopilot's frames that came to the node.
 #[derive(Clone, Copy, Debug, Default)]
-struct Heard {
+struct OutputFrames {
     /// Smallest delay since the node or the autopilot began.
     quickest: Option<u64>,
     /// Clock of the last frame, and of the autopilot's boot that it is of.
@@ -117,7 +117,7 @@ struct Later {
     port: usize,
     from: Sender,
     message: Message,
-    says: Says,
+    meaning: Meaning,
 }
 
 #[derive(Debug)]
@@ -132,12 +132,12 @@ pub struct Vehicle {
     high: bool,
     people: Vec<Person>,
     autopilot: Autopilot,
-    heard: Heard,
+    output_frames: OutputFrames,
     ground_off_until: u64,
     next_ground: u64,
     next_ground_off: u64,
     next_stranger: u64,
-    lines: [Line<Says>; 2],
+    lines: [Line<Meaning>; 2],
     later: Vec<Later>,
     sequence: u8,
     poll_at: u64,
@@ -167,12 +167,12 @@ impl Vehicle {
             };
             let id = if learns { "learnt" } else { "set" };
             context.note(format!("MAVLink, {id} id: {settings:?}"));
-            context.speak(Spoken {
+            context.command_by_mavlink(ByMavlink {
                 has_output: settings.source == 1,
                 relight: settings.relight,
                 standby_after: settings.disarmed_standby.map(|time| time.as_micros()),
                 learns,
-                ..Spoken::default()
+                ..ByMavlink::default()
             });
             people.push(Person {
                 engine,
@@ -211,7 +211,7 @@ impl Vehicle {
             high,
             people,
             autopilot,
-            heard: Heard::default(),
+            output_frames: OutputFrames::default(),
             ground_off_until: 0,
             next_ground: rng.below(SECOND),
             next_ground_off: rng.wait(300 * SECOND),
@@ -243,7 +243,7 @@ impl Vehicle {
                 settings: person.settings,
             })
             .collect();
-        (self.heard, self.poll_at) = (Heard::default(), now);
+        (self.output_frames, self.poll_at) = (OutputFrames::default(), now);
         let ports = [PortConfig::uart(57_600), PortConfig::usb()];
         Service::new(Instant::from_micros(now), node, SigningState::NONE, parts, ports)
     }
@@ -263,7 +263,7 @@ impl Vehicle {
             .unwrap_or(u64::MAX)
     }
 
-    /// Until when the autopilot says nothing of its outputs.
+    /// Until when the autopilot sends nothing of its outputs.
     fn silent_until(&self) -> u64 {
         self.autopilot.off_until.max(self.autopilot.silent_until).max(self.autopilot.dark_until)
     }
@@ -283,8 +283,8 @@ impl Vehicle {
             self.look_after(now, place, &view, contexts);
         }
         while let Some(at) = self.later.iter().position(|later| later.at <= now) {
-            let Later { port, from, message, says, .. } = self.later.swap_remove(at);
-            self.send(now, port, from, &message, says);
+            let Later { port, from, message, meaning, .. } = self.later.swap_remove(at);
+            self.send(now, port, from, &message, meaning);
         }
         for port in [TO_AUTOPILOT, TO_GROUND] {
             while let Some(frame) = self.lines[port].arrived(now) {
@@ -304,17 +304,17 @@ impl Vehicle {
         }
         let silent = self.silent_until();
         for person in self.people.iter().filter(|person| person.settings.source == 1) {
-            contexts[person.engine].not_spoken_to_until = silent;
+            contexts[person.engine].outputs_silent_until = silent;
         }
     }
 
-    fn send(&mut self, now: u64, port: usize, from: Sender, message: &Message, says: Says) {
+    fn send(&mut self, now: u64, port: usize, from: Sender, message: &Message, meaning: Meaning) {
         self.sequence = self.sequence.wrapping_add(1);
         let dress = if self.rng.percent(15) { Dress::V1 } else { Dress::V2 };
         // Version 1 has no outputs above 8, and no target of an answer.
-        let dress = if matches!(says, Says::Outputs(..)) { Dress::V2 } else { dress };
+        let dress = if matches!(meaning, Meaning::Outputs(..)) { Dress::V2 } else { dress };
         let bytes = frame(dress, from, self.sequence, message);
-        self.lines[port].send(&mut self.rng, now, bytes, says);
+        self.lines[port].send(&mut self.rng, now, bytes, meaning);
     }
 
     /// The autopilot.
@@ -370,7 +370,7 @@ impl Vehicle {
             plane.next_heartbeat = now + 950 * MS + rng.below(100 * MS);
             let armed = plane.armed;
             let message = heartbeat(1, 3, if armed { 0x81 } else { 0x51 }, 0);
-            self.send(now, TO_AUTOPILOT, AUTOPILOT, &message, Says::All(Word::Vehicle { armed }));
+            self.send(now, TO_AUTOPILOT, AUTOPILOT, &message, Meaning::All(Word::Vehicle { armed }));
         }
         let plane = &mut self.autopilot;
         if now < plane.next_outputs {
@@ -400,12 +400,12 @@ impl Vehicle {
             .people
             .iter()
             .map(|person| (person.settings.source == 1).then_some((!dark).then_some(person.tenths)));
-        let says = Says::Outputs(clock, throttles.collect());
-        self.send(now, TO_AUTOPILOT, AUTOPILOT, &outputs(clock, u8::from(self.high), &pulses), says);
+        let meaning = Meaning::Outputs(clock, throttles.collect());
+        self.send(now, TO_AUTOPILOT, AUTOPILOT, &outputs(clock, u8::from(self.high), &pulses), meaning);
         if self.rng.percent(5) {
             // The other half of its outputs.
             let message = outputs(clock, u8::from(!self.high), &[1900; 16]);
-            self.send(now, TO_AUTOPILOT, AUTOPILOT, &message, Says::Nothing);
+            self.send(now, TO_AUTOPILOT, AUTOPILOT, &message, Meaning::Nothing);
         }
     }
 
@@ -419,7 +419,7 @@ impl Vehicle {
         if now >= self.next_ground {
             self.next_ground = now + 950 * MS + self.rng.below(100 * MS);
             if now >= self.ground_off_until {
-                self.send(now, TO_GROUND, GROUND, &heartbeat(6, 8, 0, 0), Says::All(Word::Station));
+                self.send(now, TO_GROUND, GROUND, &heartbeat(6, 8, 0, 0), Meaning::All(Word::Station));
             }
         }
     }
@@ -445,7 +445,7 @@ impl Vehicle {
                 )
             }
         };
-        self.send(now, TO_AUTOPILOT, STRANGER, &message, Says::Nothing);
+        self.send(now, TO_AUTOPILOT, STRANGER, &message, Meaning::Nothing);
     }
 
     /// Who looks after an engine: one word at a time.
@@ -498,12 +498,12 @@ impl Vehicle {
             Program::Start => (Program::Down, rng.wait(10 * SECOND)),
             Program::Flight => {
                 if self.rng.percent(12) {
-                    let word = Says::To(place, Word::EmergencyStop);
+                    let word = Meaning::To(place, Word::EmergencyStop);
                     let (number, first) =
                         self.rng.pick(&[(USER_1, 1.0), (USER_1, 1.0), (FLIGHT_TERMINATION, 1.0)]);
                     let second = if number == USER_1 { MAGIC } else { 0.0 };
                     let all = self.rng.percent(20);
-                    let word = if all { Says::All(Word::EmergencyStop) } else { word };
+                    let word = if all { Meaning::All(Word::EmergencyStop) } else { word };
                     let to = if all { NODE } else { NODE + 1 + place as u8 };
                     contexts[engine].note(format!("ground station: emergency stop, command {number}"));
                     self.command(now, to, number, [first, second, 0.0, 0.0, 0.0, 0.0, 0.0], word);
@@ -520,8 +520,8 @@ impl Vehicle {
             Program::Stopped => {
                 contexts[engine].note("ground station: release".into());
                 let params = [2.0, MAGIC, 0.0, 0.0, 0.0, 0.0, 0.0];
-                let says = Says::To(place, Word::Release);
-                self.command(now, NODE + 1 + place as u8, USER_1, params, says);
+                let meaning = Meaning::To(place, Word::Release);
+                self.command(now, NODE + 1 + place as u8, USER_1, params, meaning);
                 (
                     if self.rng.percent(60) { Program::Down } else { Program::Stopped },
                     self.rng.wait(10 * SECOND),
@@ -534,13 +534,13 @@ impl Vehicle {
     }
 
     /// Sends a command of a person who may, most of the time from the ground station, and again where it seems to be lost.
-    fn command(&mut self, now: u64, to: u8, number: u16, params: [f32; 7], says: Says) {
+    fn command(&mut self, now: u64, to: u8, number: u16, params: [f32; 7], meaning: Meaning) {
         let companion = self.rng.percent(8);
         let (port, from) = if companion { (TO_AUTOPILOT, COMPANION) } else { (TO_GROUND, GROUND) };
         let to = (SYSTEM, to);
-        let says = match says {
-            Says::To(place, Word::Start { again, while_disarmed, .. }) => {
-                Says::To(place, Word::Start { from: from.1, again, while_disarmed })
+        let meaning = match meaning {
+            Meaning::To(place, Word::Start { again, while_disarmed, .. }) => {
+                Meaning::To(place, Word::Start { from: from.1, again, while_disarmed })
             }
             other => other,
         };
@@ -550,7 +550,7 @@ impl Vehicle {
             true => command_int(to, number, [a, b, c, d]),
             false => command_long(to, number, 0, params),
         };
-        self.later.push(Later { at: now, port, from, message, says: says.clone() });
+        self.later.push(Later { at: now, port, from, message, meaning: meaning.clone() });
         let mut at = now;
         for confirmation in 1..=if self.rng.percent(25) { self.rng.between(1, 4) as u8 } else { 0 } {
             at += self.rng.spread(50 * MS, 3 * SECOND);
@@ -559,14 +559,14 @@ impl Vehicle {
                 true => command_int(to, number, [a, b, c, d]),
                 false => command_long(to, number, confirmation, params),
             };
-            let says = match &says {
-                Says::To(place, Word::Start { from, while_disarmed, .. }) => {
+            let meaning = match &meaning {
+                Meaning::To(place, Word::Start { from, while_disarmed, .. }) => {
                     let (from, while_disarmed, again) = (*from, *while_disarmed, confirmation > 0);
-                    Says::To(*place, Word::Start { from, again, while_disarmed })
+                    Meaning::To(*place, Word::Start { from, again, while_disarmed })
                 }
                 other => other.clone(),
             };
-            self.later.push(Later { at, port, from, message, says });
+            self.later.push(Later { at, port, from, message, meaning });
         }
     }
 
@@ -575,20 +575,20 @@ impl Vehicle {
         let how = if while_disarmed { ", disarmed or not" } else { "" };
         contexts[person.engine].note(format!("ground station: start{how}"));
         let params = [1.0, 0.0, 0.0, f32::from(u8::from(while_disarmed)), 0.0, 0.0, 0.0];
-        let says = Says::To(place, Word::Start { from: 0, again: false, while_disarmed });
-        self.command(now, NODE + 1 + place as u8, ENGINE_CONTROL, params, says);
+        let meaning = Meaning::To(place, Word::Start { from: 0, again: false, while_disarmed });
+        self.command(now, NODE + 1 + place as u8, ENGINE_CONTROL, params, meaning);
     }
 
     fn stop(&mut self, now: u64, place: usize, contexts: &mut [EngineContext]) {
         contexts[self.people[place].engine].note("ground station: stop".into());
         let to = NODE + 1 + place as u8;
-        let says = Says::To(place, Word::Stop);
+        let meaning = Meaning::To(place, Word::Stop);
         match self.rng.below(3) {
-            0 => self.command(now, to, ENGINE_CONTROL, [0.0; 7], says),
-            1 => self.command(now, to, USER_1, [3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], says),
+            0 => self.command(now, to, ENGINE_CONTROL, [0.0; 7], meaning),
+            1 => self.command(now, to, USER_1, [3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], meaning),
             _ => {
                 let message = command_cancel((SYSTEM, to), ENGINE_CONTROL);
-                self.later.push(Later { at: now, port: TO_GROUND, from: GROUND, message, says });
+                self.later.push(Later { at: now, port: TO_GROUND, from: GROUND, message, meaning });
             }
         }
     }
@@ -639,11 +639,11 @@ impl Vehicle {
             port,
             from,
             message: command_long(to, number, 0, params),
-            says: Says::Nothing,
+            meaning: Meaning::Nothing,
         });
     }
 
-    /// Something that is said well, and at any time.
+    /// Something well formed, at any time.
     fn word_out_of_turn(&mut self, now: u64, place: usize, contexts: &mut [EngineContext]) {
         let engine = self.people[place].engine;
         let to = NODE + 1 + place as u8;
@@ -652,8 +652,8 @@ impl Vehicle {
             1 => self.start(now, place, false, contexts),
             2 => self.stop(now, place, contexts),
             3 => {
-                let says = Says::To(place, Word::Release);
-                self.command(now, to, USER_1, [2.0, MAGIC, 0.0, 0.0, 0.0, 0.0, 0.0], says);
+                let meaning = Meaning::To(place, Word::Release);
+                self.command(now, to, USER_1, [2.0, MAGIC, 0.0, 0.0, 0.0, 0.0, 0.0], meaning);
             }
             _ => {
                 let (params, word) = if contexts[engine].history.is_amt() {
@@ -663,7 +663,7 @@ impl Vehicle {
                     ([20.0, f32::from(number), 0.0, 0.0, 0.0, 0.0, 0.0], Word::Service(number))
                 };
                 contexts[engine].note(format!("ground station: {word:?}"));
-                self.command(now, to, USER_1, params, Says::To(place, word));
+                self.command(now, to, USER_1, params, Meaning::To(place, word));
             }
         }
     }
@@ -673,34 +673,34 @@ impl Vehicle {
         &mut self,
         now: u64,
         port: usize,
-        frame: InFlight<Says>,
+        frame: InFlight<Meaning>,
         contexts: &mut [EngineContext],
         service: &mut Receiver<'_, N>,
     ) {
-        let InFlight { sent, bytes, says, copy, .. } = frame;
+        let InFlight { sent, bytes, meaning, copy, .. } = frame;
         let mut say = |engine: usize, word: Word| {
-            if let Some(spoken) = &mut contexts[engine].history.spoken {
-                spoken.said.push(Said { at: now, word });
+            if let Some(mavlink) = &mut contexts[engine].history.mavlink {
+                mavlink.received.push(Received { at: now, word });
             }
         };
-        match says {
+        match meaning {
             None => {
                 for person in &self.people {
                     let context = &mut contexts[person.engine];
-                    if let Some(spoken) = &mut context.history.spoken {
-                        spoken.damaged.push(now);
+                    if let Some(mavlink) = &mut context.history.mavlink {
+                        mavlink.damaged.push(now);
                     }
                     let from = ["the autopilot", "the ground station"][port];
                     context.note(format!("a damaged frame from {from}: {bytes:02X?}"));
                 }
             }
-            Some(Says::Nothing) => {}
-            Some(Says::To(place, word)) => say(self.people[place].engine, word),
-            Some(Says::All(word)) => self.people.iter().for_each(|person| say(person.engine, word)),
+            Some(Meaning::Nothing) => {}
+            Some(Meaning::To(place, word)) => say(self.people[place].engine, word),
+            Some(Meaning::All(word)) => self.people.iter().for_each(|person| say(person.engine, word)),
             // A frame that comes again has not advanced.
-            Some(Says::Outputs(..)) if copy => {}
-            Some(Says::Outputs(clock, throttles)) => {
-                if let Some(sure) = self.heard.counts(now, sent, clock, self.autopilot.booted) {
+            Some(Meaning::Outputs(..)) if copy => {}
+            Some(Meaning::Outputs(clock, throttles)) => {
+                if let Some(sure) = self.output_frames.counts(now, sent, clock, self.autopilot.booted) {
                     for (person, tenths) in self.people.iter().zip(throttles) {
                         if let Some(tenths) = tenths {
                             say(person.engine, Word::Output { tenths, sure });
@@ -734,17 +734,17 @@ impl Vehicle {
             for ack in acks(&sent).into_iter().filter(|ack| ack.command == ENGINE_CONTROL) {
                 let place = usize::from(ack.component).checked_sub(usize::from(NODE) + 1);
                 let person = place.and_then(|place| self.people.get(place));
-                if let Some(spoken) =
-                    person.and_then(|person| contexts[person.engine].history.spoken.as_mut())
+                if let Some(mavlink) =
+                    person.and_then(|person| contexts[person.engine].history.mavlink.as_mut())
                 {
-                    spoken.answers.push(Answered { at: now, accepted: ack.result == 0 });
+                    mavlink.answers.push(Answered { at: now, accepted: ack.result == 0 });
                 }
             }
         }
     }
 }
 
-impl Heard {
+impl OutputFrames {
     /// Whether a frame of outputs may count, and whether it does for sure.
     fn counts(&mut self, now: u64, sent: u64, clock: u32, booted: u64) -> Option<bool> {
         let delay = now - sent;

@@ -43,7 +43,7 @@ const FOLLOWS_WITHIN: Duration = Duration::from_secs(15);
 /// Demands before a silence, in percent: the fall to idle is to be seen.
 const BEFORE_SILENCE: [u8; 2] = [80, 60];
 /// Slower than this the shaft counts as stopped.
-const STANDING_RPM: u32 = 1000;
+const AT_REST_RPM: u32 = 1000;
 
 /// Why something was not waited for to the end.
 #[derive(Clone, Copy, Debug)]
@@ -525,7 +525,7 @@ fn is_cool(telemetry: &Telemetry) -> bool {
     let report = &telemetry.report;
     matches!(phase(telemetry), Some(Phase::Standby | Phase::Stopped))
         && report.egt.is_some_and(|egt| egt.value.tenths() < COOL)
-        && speed(telemetry).is_some_and(|speed| speed < STANDING_RPM)
+        && speed(telemetry).is_some_and(|speed| speed < AT_REST_RPM)
 }
 
 /// Shaft speed; where the engine's scale is open, in steps as large as an Olympus has (AMT-5).

@@ -187,7 +187,7 @@ fn a_stream_of_run_alone_starts_nothing() {
     }
 }
 
-/// `Scenario` compares each answer to a run with what was announced; here stands that all of it is announced at once.
+/// `Scenario` compares each answer to a run with what was announced; here all of it has to be announced at once.
 #[test]
 fn everything_that_keeps_an_engine_from_a_start_is_announced_in_the_order_of_refusals() {
     for ecu in BOTH {

@@ -160,7 +160,7 @@ fn settings_of_what_is_attached_follow_those_of_the_engine() {
 }
 
 #[test]
-fn they_are_set_refused_and_stored_as_records_of_their_own() {
+fn settings_of_what_is_attached_are_set_refused_and_stored_as_records_of_their_own() {
     run(async |world| {
         world.ready().await;
         assert_eq!(world.set(ENGINE[1], "TOY_A", 5.0).await.0, None, "nothing is attached");

@@ -237,6 +237,6 @@ fn damaged_streams_move_nothing_by_themselves() {
 /// The long run: `cargo test --profile campaign -p jetlink-mavlink ten_million -- --ignored --nocapture`.
 #[test]
 #[ignore = "takes minutes"]
-fn damaged_streams_ten_million_frames() {
+fn ten_million_frames_of_damaged_streams_move_nothing_by_themselves() {
     damaged_streams(10_000_000, 2);
 }

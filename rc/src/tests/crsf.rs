@@ -150,7 +150,7 @@ fn channels_without_a_link_are_silence() {
 }
 
 #[test]
-fn silence_then_three_frames() {
+fn after_silence_the_third_frame_counts() {
     let mut input = Crsf::new();
     let count = |input: &mut Crsf, from: u64| {
         let now = |i| Instant::from_millis(from) + Duration::from_millis(20) * i;

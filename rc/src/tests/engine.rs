@@ -616,7 +616,7 @@ fn stick_may_command_a_shaft_speed() {
 }
 
 #[test]
-fn reversed_stick_and_switch() {
+fn reversed_stick_and_switch_stop_start_and_throttle_the_engine() {
     begin(Kind::Sbus, async |radio, plug, halves| {
         let settings = EngineSettings { reversed: true, switch_reversed: true, ..radio.kind.settings() };
         radio.stick.set(1900);

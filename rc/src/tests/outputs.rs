@@ -66,7 +66,7 @@ const STAYS: (Valve, Valve) = (Valve::Closed, Valve::Open);
 
 /// Every order with every phase, turning and not, with a link and without.
 #[test]
-fn valve_in_every_state() {
+fn valve_opens_for_run_closes_for_a_stop_and_in_standby_at_rest_and_otherwise_stays() {
     for order in [Order::EmergencyStop, Order::Standby, RUN, Order::Pwm, Order::Listen, DOUBT] {
         for phase in PHASES.map(Some).into_iter().chain([None]) {
             for rpm in [None, Some(0), Some(999), Some(1000), Some(60_000)] {
@@ -223,7 +223,7 @@ fn wait_begins_anew_when_the_order_is_followed_for_a_moment() {
     assert_eq!(outputs.valve(), Valve::Closed);
 }
 
-/// The switch comes back as ordered, and the engine goes on: shaft speed or exhaust tell, after 8 s.
+/// The switch comes back as ordered, and the engine goes on: shaft speed or exhaust show it, after 8 s.
 #[test]
 fn an_engine_that_does_not_slow_down_in_standby_loses_its_fuel_and_one_that_does_keeps_it_until_it_is_at_rest()
  {
@@ -359,7 +359,7 @@ fn every_change_has_its_reason_and_nothing_else_is_a_change() {
 
 /// Every record: with a whole one of an engine that runs the valve is open before anything else, otherwise closed.
 #[test]
-fn valve_after_a_reset() {
+fn after_a_reset_the_valve_is_open_only_for_an_engine_that_ran_under_an_order_to_run() {
     let after = |record: Option<RetainedState>| {
         let outputs = Outputs::new(OutputSettings::DEFAULT, record, false);
         (outputs.valve(), outputs.power())

@@ -218,7 +218,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_normal_set_by_hand() {
+    fn a_normal_set_has_the_bytes_computed_by_hand() {
         let values = Values {
             engine: EngineModel::Olympus,
             rpm: 108_500.0,
@@ -252,14 +252,14 @@ mod tests {
     }
 
     #[test]
-    fn an_alternate_set_by_hand() {
+    fn an_alternate_set_has_the_bytes_computed_by_hand() {
         let voltages = Voltages { idle: 1.3, maximum: 6.2, battery: 7.4, external: 12.0 };
         // 1.3 x 255 / 8.3 = 39.9; 190.5; 7.4 x 25.5 = 188.7; 5 x 255 / 9.3 = 137.1
         assert_eq!(alternate(EngineModel::Titan, 0x20, voltages), [0xFF, 0x20, 40, 190, 189, 137]);
     }
 
     #[test]
-    fn both_forms_of_the_set_up_set() {
+    fn a_set_up_set_is_as_long_as_its_version() {
         let old = setup([0xF8, 0x00, 62], "9.35 140617 ");
         assert_eq!(old, b"\xFF\x05\xF8\x00\x3E9.35 140617 ");
         assert_eq!(old.len(), 17);

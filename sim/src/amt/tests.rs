@@ -135,7 +135,7 @@ fn after_power_the_set_up_set_then_ten_normal_and_one_alternate() {
 }
 
 #[test]
-fn about_48_bytes_a_second_at_2400_baud() {
+fn at_2400_baud_a_set_begins_every_125_ms() {
     let mut bench = Bench::olympus();
     bench.wait(500 + 60_000);
     let bytes: usize = bench.sets.iter().map(|(_, _, bytes)| bytes.len()).sum();
@@ -420,7 +420,7 @@ fn how_often_it_is_called_changes_nothing() {
 }
 
 #[test]
-fn the_newer_engines_and_other_numbers() {
+fn each_engine_sends_its_id_and_its_version() {
     for (engine, id, text) in [
         (EngineModel::Titan, 0x20, "10.35 140617 "),
         (EngineModel::Nike, 0x28, "12.35 140617 "),

@@ -77,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn in_time_to_the_last_nanosecond() {
+    fn a_reply_is_in_time_until_the_last_nanosecond_of_the_window() {
         let start = 125 * MILLIS;
         let margin = |end| window().classify(start, end, WINDOW);
         assert_eq!(margin(146 * MILLIS), Reply::InWindow { margin: 9 * MILLIS });
@@ -93,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn not_before_the_set_and_not_during_it() {
+    fn a_message_that_begins_before_the_set_is_over_is_unsolicited() {
         assert_eq!(window().classify(90 * MILLIS, 99 * MILLIS, WINDOW), Reply::Unsolicited);
         assert_eq!(window().classify(124 * MILLIS, 145 * MILLIS, WINDOW), Reply::Unsolicited);
     }

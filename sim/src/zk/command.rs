@@ -362,7 +362,7 @@ mod tests {
     }
 
     #[test]
-    fn the_documents_examples() {
+    fn commands_are_read_as_in_the_documents_examples() {
         assert_eq!(
             parse_command(&[0xFF, 0x14, 0x64, 0xD3]),
             Ok(ZkCommand::Control { sw: Sw::Stop, throttle: 100 })

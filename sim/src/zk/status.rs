@@ -217,7 +217,7 @@ mod tests {
     };
 
     #[test]
-    fn the_documents_two_examples() {
+    fn status_frames_are_those_of_the_documents_two_examples() {
         assert_eq!(REST.frame(1), [0xF1, 0x00, 0x00, 0x00, 0x00, 0x4C, 0xA0]);
         assert_eq!(REST.frame(6), [0xF6, 0x00, 0x00, 0xA0, 0x00, 0x10, 0xAB]);
     }

@@ -59,8 +59,8 @@ pub enum Rule {
     CutOff,
     /// Radio control commands what stick and switch say, and stop at the switch stops.
     Sticks,
-    /// MAVLink commands what somebody said who may, and what was said is obeyed.
-    Spoken,
+    /// What MAVLink commands was received from a system that may command it, and what was received is obeyed.
+    ByMavlink,
 }
 
 impl Rule {
@@ -91,7 +91,7 @@ impl Rule {
         Self::ShutValve,
         Self::CutOff,
         Self::Sticks,
-        Self::Spoken,
+        Self::ByMavlink,
     ];
 }
 

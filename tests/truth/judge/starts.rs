@@ -190,7 +190,7 @@ impl Case<'_> {
             if !demanded
                 .any(|command| matches!(command, PilotCommand::Run(demanded) if self.is_idle(*demanded)))
             {
-                return who("waited, and its source did not say run at idle any more");
+                return who("waited, and its source did not command run at idle any more");
             }
             if let Some(why) = self.interlock(began).filter(|_| self.interlock(before).is_some()) {
                 return who(&format!("waited, and was not to be granted when it went: {why}"));
@@ -478,7 +478,7 @@ impl Case<'_> {
     /// because a lower demand was commanded.
     fn put_out_by_exhaust(&self, out: u64, at: u64) -> u64 {
         let h = self.h;
-        // A thermocouple that broke since is believed again once it has been hot.
+        // A thermocouple that broke since counts again once it has been hot.
         let broke = h.sensor.iter().map(|(from, _)| from).filter(|from| (out..at).contains(from)).min();
         let whole = broke.unwrap_or(at);
         let samples = h.samples(out, whole);

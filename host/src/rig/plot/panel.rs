@@ -40,7 +40,7 @@ struct Mark {
     at_end: bool,
 }
 
-/// Where all of it stands.
+/// Places of the marks.
 fn marks(happened: &[Happening], time: &Scale, sides: (f64, f64)) -> Vec<Mark> {
     let mut free = [sides.0; LANES.1];
     let seen = happened.iter().filter_map(|happening| {

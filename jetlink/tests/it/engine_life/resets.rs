@@ -216,13 +216,13 @@ fn the_record_shows_whether_the_engine_ran() {
 #[test]
 fn resets_without_a_source_are_counted() {
     for ecu in BOTH {
-        for speaks_after in [None, Some(1)] {
+        for source_back_after in [None, Some(1)] {
             let mut scenario = flying(ecu);
             for reset in 1..=3_u8 {
                 scenario = scenario.reset(ecu.config());
                 assert_eq!(scenario.bench.machine.record().resets, reset, "{ecu:?}");
                 scenario.pass_us(3 * FRAME_PERIOD_US);
-                if speaks_after == Some(reset) {
+                if source_back_after == Some(reset) {
                     scenario.command(run(50)).unwrap();
                     assert_eq!(scenario.bench.machine.record().resets, 0, "{ecu:?}");
                     scenario = scenario.reset(ecu.config());
@@ -231,8 +231,8 @@ fn resets_without_a_source_are_counted() {
                 }
             }
             scenario.pass_us(3 * FRAME_PERIOD_US);
-            let expected = if speaks_after.is_none() { LossStage::FailSafe } else { LossStage::None };
-            assert_eq!(scenario.telemetry().loss, expected, "{ecu:?} {speaks_after:?}");
+            let expected = if source_back_after.is_none() { LossStage::FailSafe } else { LossStage::None };
+            assert_eq!(scenario.telemetry().loss, expected, "{ecu:?} {source_back_after:?}");
         }
     }
 }

@@ -169,16 +169,20 @@ fn a_permission_is_used_once() {
 #[test]
 fn a_permission_belongs_to_one_source() {
     for ecu in BOTH {
-        for says_standby in [true, false] {
+        for commands_standby in [true, false] {
             let mut scenario = Scenario::ready(ecu, ecu.config());
             // RC is switched off; MAVLink has streamed below it.
             for _ in 0..30 {
-                let command = if says_standby { Command::Standby } else { run(0) };
+                let command = if commands_standby { Command::Standby } else { run(0) };
                 let _ = scenario.command_from(command, Origin::Mavlink);
                 scenario.pass_us(COMMAND_PERIOD_US);
             }
-            let expected = if says_standby { Ok(Accepted::InForce) } else { Err(Rejected::StandbyFirst) };
-            assert_eq!(scenario.command_from(run(0), Origin::Mavlink), expected, "{ecu:?} {says_standby}");
+            let expected = if commands_standby { Ok(Accepted::InForce) } else { Err(Rejected::StandbyFirst) };
+            assert_eq!(
+                scenario.command_from(run(0), Origin::Mavlink),
+                expected,
+                "{ecu:?} {commands_standby}"
+            );
         }
     }
 }

@@ -72,13 +72,13 @@ fn a_reset_does_not_begin_the_time_to_standby_of_a_source_that_comes_and_goes_an
         for resets in [false, true] {
             assert!(matches!(story(resets, 700_000, LOST_FOR - 2), Order::Run(_)), "{ecu:?} {resets}");
             assert_eq!(story(resets, 700_000, LOST_FOR + 2), Order::Standby, "{ecu:?} {resets}");
-            // The control: one that speaks steadily is in control again.
+            // The control: one that commands steadily is in control again.
             assert!(matches!(story(resets, 100_000, LOST_FOR + 10), Order::Run(_)), "{ecu:?} {resets}");
         }
     }
 }
 
-/// A source that was lost for a while and speaks again is in control after a second, also where the node is reset every 1.3 s: the
+/// A source that was lost for a while and is received again is in control after a second, also where the node is reset every 1.3 s: the
 /// time for which it was lost is over then.
 #[test]
 fn a_source_that_commands_again_in_a_reset_loop_ends_the_time_to_standby() {

@@ -63,7 +63,7 @@ fn each_source_has_its_own_timeout() {
             });
             let mut scenario = Scenario::ready(ecu, config);
             scenario.pass_us(5 * SECOND);
-            // One that was silent has to speak for a second first.
+            // One that was silent has to be received for a second first.
             scenario.fly_us(Command::Standby, origin, SECOND + COMMAND_PERIOD_US);
             assert_eq!(scenario.command_from(run(0), origin), Ok(Accepted::InForce));
             scenario.reports(Reports::Starting);
@@ -179,13 +179,13 @@ fn a_source_that_waits_while_another_is_lost_leaves_no_deadline_behind() {
             let last = scenario.now_us();
             scenario.pass_us(SOURCE_TIMEOUT_US + 300_000);
             assert_eq!(scenario.telemetry().loss, LossStage::Hold);
-            let speaks = scenario.now_us();
+            let back = scenario.now_us();
             scenario.fly_us(run(10), Origin::Mavlink, 3 * SECOND);
             assert_eq!(scenario.tenths(), 100, "{ecu:?}");
             let stages = stages(&mut scenario);
             assert_eq!(
                 stages,
-                [(last + SOURCE_TIMEOUT_US, LossStage::Hold), (speaks + 2 * SECOND, LossStage::None)]
+                [(last + SOURCE_TIMEOUT_US, LossStage::Hold), (back + 2 * SECOND, LossStage::None)]
             );
         }
     }

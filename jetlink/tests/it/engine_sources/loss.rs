@@ -91,7 +91,7 @@ fn the_fail_safe_throttle_never_raises() {
     }
 }
 
-/// A source that comes back has to speak for a second without a gap; then it takes over like any other.
+/// A source that comes back has to be received for a second without a gap; then it takes over like any other.
 #[test]
 fn a_source_that_returns_is_in_control_after_1_s() {
     for ecu in BOTH {

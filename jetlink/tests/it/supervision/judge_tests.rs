@@ -11,7 +11,7 @@ const MS: u64 = 1_000;
 const RESET: u64 = 20 * SECOND;
 const STANDBY: u64 = RESET + 10_280 * MS;
 
-/// An AMT engine at idle that is reset in flight and gets standby: what the judge says. Its source is away in this time.
+/// An AMT engine at idle that is reset in flight and gets standby: the judge's verdict. Its source is away in this time.
 fn standby_after_a_reset(away: core::ops::Range<u64>) -> Result<(), String> {
     let config = Ecu::Amt.with(|s| {
         s.timeouts.rc = Duration::from_millis(200);
@@ -31,7 +31,7 @@ fn standby_after_a_reset(away: core::ops::Range<u64>) -> Result<(), String> {
         let truth = Truth {
             live: starts,
             running: runs,
-            says_running: runs,
+            reports_running: runs,
             standby: !starts,
             egt: if starts { 500.0 } else { 20.0 },
             obeys_run: starts,
@@ -63,13 +63,13 @@ fn the_last_stage_of_loss_may_end_a_run_just_before_its_source_is_back() {
     assert_eq!(standby_after_a_reset(RESET + 7 * SECOND..STANDBY), Ok(()));
     // It was never away, or is back for long.
     for away in [RESET..RESET, RESET + 7 * SECOND..RESET + 8 * SECOND] {
-        let said = standby_after_a_reset(away);
-        assert!(said.as_ref().is_err_and(|said| said.starts_with("(5)")), "{said:?}");
+        let verdict = standby_after_a_reset(away);
+        assert!(verdict.as_ref().is_err_and(|why| why.starts_with("(5)")), "{verdict:?}");
     }
 }
 
 /// The source of a running AMT engine at idle is away from 20 s on. Where it `returns`, it comes back with 29 % after 0.7 s
-/// and wants nothing 0.1 s later. What the judge says of a frame with `throttle` after that.
+/// and wants nothing 0.1 s later. The judge's verdict on a frame with `throttle` after that.
 fn lost_again_before_a_frame(returns: bool, throttle: u16) -> Result<(), String> {
     const BACK: u64 = 20_710 * MS;
     const PRESENT: u64 = BACK + 100 * MS;
@@ -89,7 +89,7 @@ fn lost_again_before_a_frame(returns: bool, throttle: u16) -> Result<(), String>
             Input::Truth(Truth {
                 live: starts,
                 running: runs,
-                says_running: runs,
+                reports_running: runs,
                 standby: !starts,
                 egt: if starts { 500.0 } else { 20.0 },
                 obeys_run: starts,
@@ -115,8 +115,8 @@ fn lost_again_before_a_frame(returns: bool, throttle: u16) -> Result<(), String>
 fn a_demand_may_rise_between_two_losses() {
     assert_eq!(lost_again_before_a_frame(true, 45), Ok(()));
     for (returns, throttle) in [(true, 350), (false, 45)] {
-        let said = lost_again_before_a_frame(returns, throttle);
-        assert!(said.is_err(), "{throttle}: {said:?}");
+        let verdict = lost_again_before_a_frame(returns, throttle);
+        assert!(verdict.is_err(), "{throttle}: {verdict:?}");
     }
 }
 
@@ -139,7 +139,7 @@ fn one_standby_counts_only_where_the_run_has_ended_already() {
             let truth = Truth {
                 live: starts,
                 running: runs,
-                says_running: runs,
+                reports_running: runs,
                 standby: !starts,
                 egt: if starts { 500.0 } else { 20.0 },
                 obeys_run: starts,
@@ -183,7 +183,7 @@ fn after_a_reset_a_lower_source_may_be_in_control_beside_one_that_speaks_seldom(
             let truth = Truth {
                 live: starts,
                 running: runs,
-                says_running: runs,
+                reports_running: runs,
                 standby: !starts,
                 egt: if starts { 500.0 } else { 20.0 },
                 obeys_run: starts,
@@ -213,6 +213,6 @@ fn after_a_reset_a_lower_source_may_be_in_control_beside_one_that_speaks_seldom(
     for after in [7_990, 8_010, 9_000] {
         assert_eq!(judged(RESET + after * MS), Ok(()), "{after} ms");
     }
-    let said = judged(RESET + 12 * SECOND);
-    assert!(said.as_ref().is_err_and(|said| said.starts_with("(6)")), "{said:?}");
+    let verdict = judged(RESET + 12 * SECOND);
+    assert!(verdict.as_ref().is_err_and(|why| why.starts_with("(6)")), "{verdict:?}");
 }

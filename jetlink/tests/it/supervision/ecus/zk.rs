@@ -42,7 +42,7 @@ impl WorldEcu for ZkEcu {
         });
         Truth {
             // From 6 to 11 it learns or runs.
-            says_running: (6..=state::RUNNING).contains(&self.state()),
+            reports_running: (6..=state::RUNNING).contains(&self.state()),
             standby: self.state() == state::STANDBY,
             faulty: self.error() != 0,
             // It reports whole percents.

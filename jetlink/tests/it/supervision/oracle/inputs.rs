@@ -265,7 +265,7 @@ impl Oracle {
         };
         let active_before = self.active_source(at);
         self.receive(at, origin, Intent::Run(demand));
-        // One that was lost before the reset has to speak for a while first. What it was received for right before the reset counts.
+        // One that was lost before the reset has to be received for a while first. What it was received for right before the reset counts.
         let lost_before = self.retained.is_some_and(|(retained, _, was_lost)| retained == origin && was_lost);
         let recover_after = self.config.supervision.recover_after.as_micros();
         let back = self.sources[slot(origin)]
@@ -364,8 +364,8 @@ impl Oracle {
             self.reached = false;
         }
         // What it reports may be something else than what it does.
-        self.ran |= self.wire_run && truth.says_running && !truth.odd && at > self.opened + SECOND;
-        let reached = truth.says_running || truth.odd || at < self.odd_at + BEHIND_FAULTY;
+        self.ran |= self.wire_run && truth.reports_running && !truth.odd && at > self.opened + SECOND;
+        let reached = truth.reports_running || truth.odd || at < self.odd_at + BEHIND_FAULTY;
         if reached && !core::mem::replace(&mut self.reached, true) {
             // The truth is sampled: it may have been there a little earlier.
             let met = self.met_at.is_some_and(|met| at < met + SECOND / 2);
@@ -388,7 +388,8 @@ impl Oracle {
         }
         // With a fault an AMT ECU reports neither the state of its engine nor what it obeys: without memory there is nothing to
         // continue from, and with it an exhaust that shows no combustion ends the run.
-        let unreported = self.amt && truth.faulty && !self.wire_run && (self.memory_lost || truth.says_cold);
+        let unreported =
+            self.amt && truth.faulty && !self.wire_run && (self.memory_lost || truth.reports_cold);
         if !truth.live || truth.odd || unreported {
             self.guard = false;
         }

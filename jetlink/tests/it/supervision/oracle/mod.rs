@@ -86,9 +86,9 @@ pub struct Truth {
     pub live: bool,
     pub running: bool,
     /// It reports that the engine runs, as the document has it: a ZK ECU also where it learns.
-    pub says_running: bool,
+    pub reports_running: bool,
     /// With a fault it reports an exhaust temperature that needs no fire, from a sensor that it does not report as faulty.
-    pub says_cold: bool,
+    pub reports_cold: bool,
     /// It reports standby, as the document has it.
     pub standby: bool,
     pub faulty: bool,

@@ -1,7 +1,7 @@
-//! Histories by hand for the judge's rules: what is said through MAVLink.
+//! Histories by hand for the judge's rules: what is received through MAVLink.
 
 use super::*;
-use crate::history::{Answered, Said, Spoken, Word};
+use crate::history::{Answered, ByMavlink, Received, Word};
 
 const MAVLINK: usize = 2;
 const RUN: PilotCommand = PilotCommand::Run(Demanded::Throttle(0));
@@ -15,19 +15,19 @@ const fn output(tenths: u32) -> Word {
 
 /// Whether the rule is broken by these words and these commands of MAVLink. Times are in seconds.
 fn breaks(words: &[(f64, Word)], commands: &[(f64, PilotCommand)]) -> bool {
-    let said = words.iter().map(|&(at, word)| Said { at: micros(at), word }).collect();
+    let received = words.iter().map(|&(at, word)| Received { at: micros(at), word }).collect();
     let starts = words.iter().filter(|(_, word)| matches!(word, Word::Start { .. }));
     let accepted = |at: f64| commands.contains(&(at, PilotCommand::Standby));
     let answers = starts.map(|&(at, _)| Answered { at: micros(at), accepted: accepted(at) }).collect();
     let story = Story::new(ZK5).with(|h| {
-        h.spoken = Some(Spoken { has_output: true, said, answers, ..Spoken::default() });
+        h.mavlink = Some(ByMavlink { has_output: true, received, answers, ..ByMavlink::default() });
         h.commanded = commands
             .iter()
             .map(|&(at, command)| Commanded { at: micros(at), source: MAVLINK, command })
             .collect();
         h.end = micros(60.0);
     });
-    judge(&story.0).rules().contains(&Rule::Spoken)
+    judge(&story.0).rules().contains(&Rule::ByMavlink)
 }
 
 /// An armed vehicle at idle, and a start of it.
@@ -40,14 +40,14 @@ fn with(words: &[(f64, Word)], commands: &[(f64, PilotCommand)]) -> bool {
 }
 
 #[test]
-fn a_start_is_what_somebody_said_of_an_armed_vehicle_at_idle() {
+fn a_start_is_what_somebody_commanded_of_an_armed_vehicle_at_idle() {
     assert!(!breaks(&WORDS, &COMMANDS));
     let other = |place: usize, word: Word| {
         let mut words = WORDS;
         words[place].1 = word;
         words
     };
-    assert!(breaks(&other(3, Word::Station), &COMMANDS), "nobody said it");
+    assert!(breaks(&other(3, Word::Station), &COMMANDS), "nobody commanded it");
     assert!(breaks(&other(1, DISARMED), &COMMANDS), "one heartbeat is not armed");
     assert!(breaks(&other(2, output(400)), &COMMANDS), "the throttle is up");
     assert!(breaks(&other(2, Word::Station), &COMMANDS), "there is no stream");
@@ -70,11 +70,11 @@ fn a_demand_is_that_of_a_frame_and_disarmed_is_idle() {
 }
 
 #[test]
-fn a_stop_that_is_said_is_commanded_and_no_other() {
+fn a_stop_that_is_received_is_commanded_and_no_other() {
     let stop = (5.0, PilotCommand::ShutDown);
     assert!(!with(&[(5.0, Word::Stop)], &[stop]));
     assert!(with(&[(5.0, Word::Stop)], &[]), "ignored");
-    assert!(with(&[], &[stop]), "nobody said it");
+    assert!(with(&[], &[stop]), "nobody commanded it");
     assert!(with(&[(5.0, Word::Stop), (6.0, output(0))], &[stop, (6.0, RUN)]), "nobody has started it since");
     assert!(!with(&[(5.0, Word::EmergencyStop)], &[(5.0, PilotCommand::Stop)]));
     assert!(with(&[(5.0, Word::EmergencyStop)], &[stop]), "less than an emergency stop");

@@ -1,8 +1,8 @@
-//! MAVLink: what is commanded is what somebody said who may, at the same instant, and what was said is obeyed.
+//! MAVLink: what is commanded was received, at the same instant, from a system that may command it, and what was received is obeyed.
 
 use super::case::{Case, Rule, seconds};
 use crate::history::{
-    Answered, Cause, Demanded, MS, PilotCommand, SECOND, Said, Spans, Spoken, Switch, Word,
+    Answered, ByMavlink, Cause, Demanded, MS, PilotCommand, Received, SECOND, Spans, Switch, Word,
 };
 
 const MAVLINK: usize = 2;
@@ -19,9 +19,9 @@ const KNOWN: u64 = 15 * SECOND;
 /// A demand that was held has risen to the stream's, if that comes without gaps.
 const RISEN: u64 = 15 * SECOND;
 
-/// What is said to an engine, and what can be known from that alone.
+/// What an engine is sent by MAVLink, and what can be known from that alone.
 struct Words<'a> {
-    spoken: &'a Spoken,
+    mavlink: &'a ByMavlink,
     /// When frames may be found later than they came.
     late: Spans,
     /// When the vehicle has shown something else, since the node began: armed, disarmed, or nothing.
@@ -33,13 +33,13 @@ struct Words<'a> {
 }
 
 impl<'a> Words<'a> {
-    fn new(spoken: &'a Spoken, resets: &[(u64, u64)]) -> Self {
-        let late: Vec<_> = spoken.damaged.iter().map(|at| (*at, at + 2 * FOUND_LATE)).collect();
+    fn new(mavlink: &'a ByMavlink, resets: &[(u64, u64)]) -> Self {
+        let late: Vec<_> = mavlink.damaged.iter().map(|at| (*at, at + 2 * FOUND_LATE)).collect();
         let mut ups = resets.iter().map(|(_, up)| *up).peekable();
         let (mut shown, mut same) = (vec![(0, None)], (false, 0));
         let mut starts = Vec::new();
         let mut last: Vec<(u8, u64)> = Vec::new();
-        for Said { at, word } in &spoken.said {
+        for Received { at, word } in &mavlink.received {
             while let Some(up) = ups.next_if(|up| up <= at) {
                 shown.push((up, None));
                 same = (false, 0);
@@ -69,9 +69,9 @@ impl<'a> Words<'a> {
                 _ => {}
             }
         }
-        let answered = spoken.answers.first().map_or(u64::MAX, |answer| answer.at);
-        let known = if spoken.learns { answered } else { 0 };
-        Self { spoken, late: Spans::from(&late), shown, starts, known }
+        let answered = mavlink.answers.first().map_or(u64::MAX, |answer| answer.at);
+        let known = if mavlink.learns { answered } else { 0 };
+        Self { mavlink, late: Spans::from(&late), shown, starts, known }
     }
 
     /// How much earlier than at this instant a frame may have come that is found now.
@@ -79,16 +79,16 @@ impl<'a> Words<'a> {
         if self.late.contains(at) { FOUND_LATE } else { 0 }
     }
 
-    fn said(&self, from: u64, to: u64) -> &'a [Said] {
-        let said = &self.spoken.said;
-        let first = said.partition_point(|said| said.at < from);
-        let last = said.partition_point(|said| said.at <= to).max(first);
-        &said[first..last]
+    fn received(&self, from: u64, to: u64) -> &'a [Received] {
+        let received = &self.mavlink.received;
+        let first = received.partition_point(|received| received.at < from);
+        let last = received.partition_point(|received| received.at <= to).max(first);
+        &received[first..last]
     }
 
     /// The words that may be found at this instant.
     fn now(&self, at: u64) -> impl Iterator<Item = Word> + 'a {
-        self.said(at - self.tolerance(at).min(at), at).iter().map(|said| said.word)
+        self.received(at - self.tolerance(at).min(at), at).iter().map(|received| received.word)
     }
 
     /// What the vehicle has shown at an instant.
@@ -104,7 +104,7 @@ impl<'a> Words<'a> {
 
     /// The last throttle that may count, since then.
     fn throttle(&self, since: u64, at: u64) -> Option<u32> {
-        self.said(since, at).iter().rev().find_map(|said| match said.word {
+        self.received(since, at).iter().rev().find_map(|received| match received.word {
             Word::Output { tenths, .. } => tenths,
             _ => None,
         })
@@ -112,19 +112,19 @@ impl<'a> Words<'a> {
 }
 
 impl Case<'_> {
-    pub(super) fn spoken(&mut self) {
+    pub(super) fn mavlink(&mut self) {
         let h = self.h;
-        let Some(spoken) = &h.spoken else { return };
+        let Some(mavlink) = &h.mavlink else { return };
         let resets: Vec<_> = h.resets.iter().map(|reset| (reset.down, reset.up)).collect();
-        let words = Words::new(spoken, &resets);
-        let mut wrong = self.not_said(&words);
+        let words = Words::new(mavlink, &resets);
+        let mut wrong = self.not_received(&words);
         wrong.extend(self.not_obeyed(&words));
         wrong.extend(self.not_followed(&words));
         wrong.extend(self.not_started(&words));
         for (at, text) in wrong.into_iter().take(5) {
-            self.verdict.finding(Rule::Spoken, at, text);
+            self.verdict.finding(Rule::ByMavlink, at, text);
         }
-        self.verdict.count("words of MAVLink", spoken.said.len() as u64);
+        self.verdict.count("messages of MAVLink", mavlink.received.len() as u64);
         self.verdict.count("starts of MAVLink", words.starts.len() as u64);
     }
 
@@ -134,7 +134,7 @@ impl Case<'_> {
     }
 
     /// Commands that nobody gave.
-    fn not_said(&self, words: &Words<'_>) -> Vec<(u64, String)> {
+    fn not_received(&self, words: &Words<'_>) -> Vec<(u64, String)> {
         let h = self.h;
         let mut wrong = Vec::new();
         let own: Vec<_> = h.commanded.iter().filter(|it| it.source == MAVLINK).collect();
@@ -160,7 +160,7 @@ impl Case<'_> {
                 },
                 PilotCommand::ShutDown => {
                     stopped = Some(at);
-                    let long = words.spoken.standby_after.is_some_and(|after| {
+                    let long = words.mavlink.standby_after.is_some_and(|after| {
                         let since = at.saturating_sub(after);
                         !words.may_show(since + TICK, at, true) && words.shows(at) == Some(false)
                     });
@@ -168,20 +168,20 @@ impl Case<'_> {
                 }
                 PilotCommand::Stop => {
                     stopped = Some(at);
-                    let said = any(|word| word == Word::EmergencyStop);
-                    (!said).then(|| "an emergency stop that nobody commanded".into())
+                    let received = any(|word| word == Word::EmergencyStop);
+                    (!received).then(|| "an emergency stop that nobody commanded".into())
                 }
                 PilotCommand::Release => {
-                    let said = any(|word| word == Word::Release);
-                    (!said).then(|| "a release that nobody commanded".into())
+                    let received = any(|word| word == Word::Release);
+                    (!received).then(|| "a release that nobody commanded".into())
                 }
                 PilotCommand::Service(number) => {
-                    let said = words.now(at).any(|word| word == Word::Service(number));
-                    (!said).then(|| "a service that nobody commanded".into())
+                    let received = words.now(at).any(|word| word == Word::Service(number));
+                    (!received).then(|| "a service that nobody commanded".into())
                 }
                 PilotCommand::Ctf => {
-                    let said = any(|word| word == Word::Ctf);
-                    (!said).then(|| "CTF that nobody commanded".into())
+                    let received = any(|word| word == Word::Ctf);
+                    (!received).then(|| "CTF that nobody commanded".into())
                 }
                 PilotCommand::Arm => {
                     let shown = words.may_show(earliest.saturating_sub(TICK), at, true);
@@ -218,11 +218,11 @@ impl Case<'_> {
         if let Some(stopped) = stopped {
             return Some(format!("stopped at {}, and nobody has started it since", seconds(stopped)));
         }
-        if !words.spoken.has_output {
+        if !words.mavlink.has_output {
             let alive = words
-                .said(at.saturating_sub(HEARTBEAT + TICK), at)
+                .received(at.saturating_sub(HEARTBEAT + TICK), at)
                 .iter()
-                .any(|said| matches!(said.word, Word::Station | Word::Vehicle { .. }));
+                .any(|received| matches!(received.word, Word::Station | Word::Vehicle { .. }));
             return (tenths > 0 || !alive).then(|| "its demand has no source, or nobody is there".into());
         }
         let most = words.now(at).filter_map(|word| match word {
@@ -238,7 +238,7 @@ impl Case<'_> {
             .then(|| "the vehicle is disarmed".into())
     }
 
-    /// Why a start that was said is not to be passed on.
+    /// Why a start that was received is not to be passed on.
     fn unexplained_start(
         &self,
         words: &Words<'_>,
@@ -250,14 +250,15 @@ impl Case<'_> {
         if !while_disarmed && !words.may_show(earliest, at, true) {
             return Some("a start, and the vehicle is disarmed".into());
         }
-        if !words.spoken.has_output {
-            let alive = words.said(at.saturating_sub(HEARTBEAT), at).iter();
-            let alive = alive.clone().any(|said| matches!(said.word, Word::Station | Word::Vehicle { .. }));
+        if !words.mavlink.has_output {
+            let alive = words.received(at.saturating_sub(HEARTBEAT), at).iter();
+            let alive =
+                alive.clone().any(|received| matches!(received.word, Word::Station | Word::Vehicle { .. }));
             return (!alive).then(|| "a start, and nobody is there".into());
         }
         match words.throttle(earliest.saturating_sub(rules.ages[MAVLINK]), at) {
             None => Some("a start, and no stream".into()),
-            Some(tenths) if tenths > rules.idle_band && !words.spoken.relight => {
+            Some(tenths) if tenths > rules.idle_band && !words.mavlink.relight => {
                 // Several may be found at once.
                 (words.tolerance(at) == 0).then(|| format!("a start, with {}", Demanded::Throttle(tenths)))
             }
@@ -277,8 +278,8 @@ impl Case<'_> {
         let h = self.h;
         let mut wrong = Vec::new();
         let cut = |at: u64| h.resets.iter().any(|reset| (at..at + FOUND_LATE).contains(&reset.down));
-        for Said { at, word } in
-            words.spoken.said.iter().filter(|said| said.at > words.known && !cut(said.at))
+        for Received { at, word } in
+            words.mavlink.received.iter().filter(|received| received.at > words.known && !cut(received.at))
         {
             let (wanted, what) = match word {
                 Word::Stop => (PilotCommand::ShutDown, "a stop"),
@@ -309,7 +310,7 @@ impl Case<'_> {
         let h = self.h;
         let mut wrong = Vec::new();
         let mut frames = 0;
-        for Said { at, word } in &words.spoken.said {
+        for Received { at, word } in &words.mavlink.received {
             let (at, Word::Output { tenths: Some(tenths), sure: true }) = (*at, *word) else { continue };
             let lately = h.commanded(at.saturating_sub(RISEN + 5 * SECOND), at);
             let flies = lately.iter().rev().find(|it| it.source == MAVLINK && it.at < at);
@@ -355,7 +356,7 @@ impl Case<'_> {
         wrong
     }
 
-    /// A start that is said as documented is begun, and its answer is the truth.
+    /// A start that is received as documented is begun, and its answer is the truth.
     fn not_started(&mut self, words: &Words<'_>) -> Vec<(u64, String)> {
         let h = self.h;
         let rules = &h.rules;
@@ -368,7 +369,7 @@ impl Case<'_> {
                     && matches!(pair[1].command, PilotCommand::Run(_))
             })
         };
-        for Answered { at, .. } in words.spoken.answers.iter().filter(|answer| answer.accepted) {
+        for Answered { at, .. } in words.mavlink.answers.iter().filter(|answer| answer.accepted) {
             let says = |word: Word| matches!(word, Word::Start { .. } | Word::Stop);
             if !words.now(*at).any(says) && words.tolerance(*at) == 0 {
                 wrong.push((*at, "a command is accepted that nobody gave".into()));
@@ -380,7 +381,7 @@ impl Case<'_> {
             if words.late.touches(at.saturating_sub(FOUND_LATE), at + 1) {
                 continue;
             }
-            let answers = words.spoken.answers.iter().filter(|answer| answer.at == at);
+            let answers = words.mavlink.answers.iter().filter(|answer| answer.at == at);
             let accepted = answers.clone().any(|answer| answer.accepted);
             let known = at > self.up(at) + KNOWN;
             if answers.count() == 0 && at > words.known {
@@ -399,17 +400,18 @@ impl Case<'_> {
             let stops = h.commanded(0, at).iter().any(|it| it.command == PilotCommand::Stop)
                 || h.resets.iter().any(|reset| reset.cause == Cause::BrownOut);
             let armed = words.shows(since) == Some(true) && !words.may_show(since, at, false);
-            let idle = !words.spoken.has_output
-                || words
-                    .said(at.saturating_sub(300 * MS), at)
-                    .iter()
-                    .any(|said| matches!(said.word, Word::Output { tenths: Some(_), sure: true }))
-                    && words.said(since, at).iter().all(|said| match said.word {
+            let idle =
+                !words.mavlink.has_output
+                    || words.received(at.saturating_sub(300 * MS), at).iter().any(|received| {
+                        matches!(received.word, Word::Output { tenths: Some(_), sure: true })
+                    }) && words.received(since, at).iter().all(|received| match received.word {
                         Word::Output { tenths, .. } => tenths.is_some_and(|tenths| tenths <= rules.idle_band),
                         _ => true,
                     });
-            let present =
-                words.said(at.saturating_sub(4 * SECOND), at).iter().any(|said| said.word == Word::Station);
+            let present = words
+                .received(at.saturating_sub(4 * SECOND), at)
+                .iter()
+                .any(|received| received.word == Word::Station);
             let alone = rules.start_wait == 0 && previous.is_none_or(|previous| at > previous + 150 * SECOND);
             if !(standby && quiet && armed && idle && present && known && alone) || stops || while_disarmed {
                 continue;
