@@ -14,9 +14,8 @@ const STARTS_WITHIN: u32 = 10;
 /// The storage of the settings.
 pub type Storage = Fram<Device>;
 
-/// The storage of this board; `None` if its chip is not known, or there is none. Call it once.
-pub fn storage() -> Option<Storage> {
-    let mut device = super::table::fram();
+/// The storage in an F-RAM; `None` if its chip is not known, or there is none.
+pub fn storage_in(mut device: Device) -> Option<Storage> {
     let mut tries = 0;
     while identify(&mut device).is_err() && tries < STARTS_WITHIN {
         tries += 1;

@@ -59,7 +59,7 @@ mod watchdog;
 
 pub use format::Format;
 #[cfg(feature = "fram")]
-pub use fram::{Storage, storage};
+pub use fram::Storage;
 #[cfg(all(not(feature = "fram"), any(not(feature = "stm32h7"), feature = "ardupilot-bootloader")))]
 pub use no_storage::{Storage, storage};
 #[cfg(feature = "board-qemu-mps2")]
@@ -69,6 +69,8 @@ pub use state::{Oscillator, ResetCause};
 pub use stm32h7::storage::{Storage, storage};
 #[cfg(feature = "stm32")]
 use table::FIRST;
+#[cfg(feature = "fram")]
+pub use table::storage;
 #[cfg(feature = "stm32")]
 pub use {
     early::end as restart,

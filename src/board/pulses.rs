@@ -11,7 +11,7 @@ pub const OUTPUTS: Option<[u8; 4]> = None;
 pub const OUTPUTS: Option<[u8; 4]> = Some(super::table::capture::OUTPUTS);
 
 #[cfg(board_pulses)]
-pub use self::timer::{begin, captured, next};
+pub use self::timer::{begin, next};
 
 /// Without inputs there is nothing to begin.
 #[cfg(not(board_pulses))]
@@ -38,15 +38,7 @@ mod timer {
     use embassy_sync::blocking_mutex::{Mutex, raw::CriticalSectionRawMutex};
     use embassy_sync::channel;
     use embassy_time::{Duration, Instant, Timer};
-    use jetlink_fw::config::RADIO;
-    use jetlink_rc::config::Protocol;
     use jetlink_rc::runner::MeasuredPulse;
-
-    /// Without servo pulses nothing of it is in the image but an empty handler.
-    const IS_USED: bool = match &RADIO {
-        Some(radio) => matches!(radio.protocol, Protocol::Pwm),
-        None => false,
-    };
 
     const CHANNELS: [Channel; 4] = [Channel::Ch1, Channel::Ch2, Channel::Ch3, Channel::Ch4];
     /// The counter has 16 bits: what is longer is measured by the clock of the node.
@@ -100,10 +92,11 @@ mod timer {
             timer.enable_channel(channel, true);
             timer.enable_input_interrupt(channel, true);
         }
+        capture::TAKER.lock(|taker| taker.set(Some(edges)));
         timer.start();
         core::mem::forget(timer);
         capture::Interrupt::unpend();
-        // SAFETY: its handler is below, and its data is behind a lock.
+        // SAFETY: its handler is in `table.rs`, and its data is behind a lock.
         unsafe { capture::Interrupt::enable() };
     }
 
@@ -125,13 +118,6 @@ mod timer {
 
     fn critical_section(act: impl FnOnce()) {
         INPUTS.lock(|_| act());
-    }
-
-    /// The interrupt of the timer.
-    pub fn captured() {
-        if IS_USED {
-            edges();
-        }
     }
 
     /// Takes the edges that the timer has caught.

@@ -52,7 +52,9 @@ macro_rules! board {
         $(
             pub mod capture {
                 use embassy_stm32::pac::{self, gpio::Gpio, timer::TimGp16};
+                use core::cell::Cell;
                 use embassy_stm32::{Peri, interrupt, peripherals};
+                use embassy_sync::blocking_mutex::{Mutex, raw::CriticalSectionRawMutex};
 
                 pub use embassy_stm32::interrupt::typelevel::$captured as Interrupt;
                 pub use peripherals::$timer as Timer;
@@ -76,9 +78,14 @@ macro_rules! board {
                     unsafe { ($(peripherals::$in::steal()),*) }
                 }
 
+                /// What takes a capture, once the timer runs.
+                pub static TAKER: Mutex<CriticalSectionRawMutex, Cell<Option<fn()>>> = Mutex::new(Cell::new(None));
+
                 #[interrupt]
                 fn $captured() {
-                    super::super::pulses::captured();
+                    if let Some(take) = TAKER.lock(Cell::get) {
+                        take();
+                    }
                 }
             }
         )?
@@ -136,14 +143,15 @@ macro_rules! board {
         }
 
         $(
-            /// What its F-RAM hangs on. Call it once.
-            pub fn fram() -> super::fram::Device {
+            /// The storage in its F-RAM; `None` if its chip is not known, or there is none. Call it once.
+            pub fn storage() -> Option<super::fram::Storage> {
                 use embassy_stm32::peripherals;
                 // SAFETY: called once, and `init` takes all of these: nothing else uses them.
-                unsafe {
+                let device = unsafe {
                     let spi = (peripherals::$sck::steal(), peripherals::$mosi::steal(), peripherals::$miso::steal());
                     super::fram::Device::new(peripherals::$spi::steal(), spi, peripherals::$select::steal())
-                }
+                };
+                super::fram::storage_in(device)
             }
         )?
 

@@ -35,7 +35,6 @@ use self::config::{START_TIMEOUT, Supervision};
 use self::exhaust::Exhaust;
 use self::life::{Finding, Life};
 use self::limits::LimitMonitor;
-use self::pump::OpenPump;
 use self::retained::RetainedState;
 use self::run::{Arbitration, Run};
 use self::shaper::{Lowered, Shaper};
@@ -108,6 +107,15 @@ enum Beginning {
 #[derive(Clone, Copy, Debug)]
 struct StartWait {
     origin: Origin,
+    until: Instant,
+}
+
+/// A service command that may have opened the fuel pump.
+#[derive(Clone, Copy, Debug)]
+struct OpenPump {
+    origin: Origin,
+    /// Last command of its source.
+    last_rx: Instant,
     until: Instant,
 }
 

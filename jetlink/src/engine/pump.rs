@@ -1,18 +1,8 @@
 //! The fuel pump that a service opened: when it is closed, and whether it still may be open.
 
 use super::Engine;
-use crate::command::Origin;
 use crate::link::Link;
 use embassy_time::Instant;
-
-/// A service command that may have opened the fuel pump.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct OpenPump {
-    pub origin: Origin,
-    /// Last command of its source.
-    pub last_rx: Instant,
-    pub until: Instant,
-}
 
 impl Engine {
     pub(super) fn close_pump(&mut self) {
