@@ -76,8 +76,8 @@ fn calibration_of_stick_and_switch_is_refused_while_the_engine_turns() {
         };
         assert_eq!(radio.borrow().pilots()[0].settings(), &expected);
         // A calibration sets the end points that were seen, and nothing where it was none.
-        let see = |pulses: [u16; 2]| {
-            let mut now = embassy_time::Instant::now();
+        let mut now = Instant::now();
+        let mut see = |pulses: [u16; 2]| {
             for pulse in pulses.into_iter().flat_map(|pulse| [pulse; 4]) {
                 let mut steps = [steps(1500); 16];
                 steps[2] = self::steps(pulse);
