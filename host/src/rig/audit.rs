@@ -38,6 +38,8 @@ const LONGEST_GAP: Nanos = 5 * MILLIS;
 const KEPT: usize = 5;
 /// Where nothing else is configured a demand rises at this rate, in per mille of the maximum per second.
 const RISE: u64 = 500;
+/// Without a frame for so many periods of the ECU's frames nothing is on the wire.
+const NOTHING_AFTER: Nanos = 3;
 /// Longest time from the computation of a demand to its frame on the wire.
 const COMPUTED_BEFORE: Nanos = 25 * MILLIS;
 /// A rise after a gap or a reset has begun and ended after this: 10 s of doubt, 2 s from idle to full, and a frame.
@@ -219,6 +221,9 @@ pub struct Audit {
     switched_at: Option<Nanos>,
     /// What the node sent last that concerns the switch or the demand.
     pub on_wire: Option<WireCommand>,
+    /// The last bits of the last frame that does, and of the last frame of any kind.
+    commanded_until: Nanos,
+    sent_until: Nanos,
     /// The first bit of the first frame of the last emergency stop.
     pub stop_at: Option<Nanos>,
     /// All that it sent; kept for a scenario's judge.
@@ -276,6 +281,8 @@ impl Audit {
                 .unwrap_or(6),
             orders: VecDeque::from([(0, Allowed::Order(Order::Listen)), (0, Allowed::Order(Order::Standby))]),
             on_wire: None,
+            commanded_until: 0,
+            sent_until: 0,
             stop_at: None,
             transmitted: None,
             reader: Reader::strict(engine.ecu.protocol(), LONGEST_GAP),
@@ -310,6 +317,15 @@ impl Audit {
     /// Who commands is not known here: the frames' commands are not judged.
     pub fn judge_no_orders(&mut self) {
         self.judged = false;
+    }
+
+    /// What is on the wire now; `None`: nothing. An AMT node only replies, so it sends nothing to a silent ECU.
+    pub fn on_wire_now(&self, now: Nanos) -> Option<WireCommand> {
+        let lately = |until: Nanos| now <= until + NOTHING_AFTER * self.received.period;
+        match self.on_wire {
+            Some(command) if lately(self.commanded_until) => Some(command),
+            _ => (self.frames > 0 && lately(self.sent_until)).then_some(WireCommand::Nothing),
+        }
     }
 
     /// This is ordered from now on.
@@ -475,8 +491,10 @@ impl Audit {
         if wire == WireCommand::Stop && self.on_wire != Some(WireCommand::Stop) {
             self.stop_at = Some(start);
         }
+        self.sent_until = frame.end;
         if wire != WireCommand::Nothing {
             self.on_wire = Some(wire);
+            self.commanded_until = frame.end;
         }
         self.note_level(wire);
         let transmitted = TransmittedFrame { from: start, to: frame.end, command: wire };

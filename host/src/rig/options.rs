@@ -71,9 +71,8 @@ CSV columns, a row for each engine every 0.1 s, empty where the ECU has reported
   (replies and send slots, by the node's count), decode_errors, rejected (commands, see the summary),
   engine_state (in plain words), in_control (the active source), waiting (the source about to take over), loss (stage
   of the loss of the source), limited (a limit has lowered the demand), armed, order (of the node),
-  wire_throttle_pct and wire_rpm (last sent), fuel_valve and starter_power (with --valves), faults (as the
-  ECU reports them), events (since the row before,
-  separated by |)
+  wire_throttle_pct and wire_rpm (sent; empty while nothing is), fuel_valve and starter_power (with --valves),
+  faults (as the ECU reports them), events (since the row before, separated by |)
   The file is flushed every second: `tail -f`, a FIFO and /dev/stdout work. Text goes to the standard error then.
 
 MAVLink:

@@ -63,7 +63,7 @@ pub struct Point {
     pub sent_throttle: Option<Band>,
     /// Shaft speed that was sent.
     pub sent_rpm: Option<Band>,
-    /// What was last on the wire, at the end.
+    /// What was on the wire, at the end.
     pub on_wire: Option<WireCommand>,
 }
 

@@ -159,7 +159,8 @@ fn engine(subject: &Subject, points: &[Point]) -> Value {
         "flags": flags,
         "stages": changes(points, |point| point.stage.name()),
         "wire": changes(points, |point| match point.on_wire {
-            None | Some(WireCommand::Nothing) => "nothing",
+            None => "nothing",
+            Some(WireCommand::Nothing) => "no command",
             Some(WireCommand::Stop) => "emergency stop",
             Some(WireCommand::Standby) => "standby",
             Some(WireCommand::Run(_) | WireCommand::RunRpm(_)) => "run",

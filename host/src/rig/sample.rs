@@ -58,7 +58,7 @@ pub struct Sample {
     pub armed: bool,
     /// What the node orders.
     pub order: Order,
-    /// What was last on the wire.
+    /// What is on the wire; `None`: nothing.
     pub on_wire: Option<WireCommand>,
     /// Shaft speed.
     pub rpm: Option<u32>,
@@ -99,7 +99,7 @@ impl Sample {
             limited: telemetry.limited,
             armed: telemetry.armed,
             order: telemetry.ordered.order,
-            on_wire: context.audit.borrow().on_wire,
+            on_wire: context.audit.borrow().on_wire_now((at - Instant::MIN).as_micros() * 1000),
             state: report.state.filter(|state| is_fresh(state, at)).map(|state| state.value.name),
             rpm: report.rpm.filter(|rpm| is_fresh(rpm, at)).map(|rpm| rpm.value.get()),
             egt: report.egt.filter(|egt| is_fresh(egt, at)).map(|egt| f64::from(egt.value.tenths()) / 10.0),
@@ -134,7 +134,7 @@ impl Sample {
         }
     }
 
-    /// What was last on the wire.
+    /// What is on the wire.
     pub fn wire_text(&self) -> String {
         match self.on_wire {
             None | Some(WireCommand::Nothing) => "-".to_owned(),

@@ -48,6 +48,29 @@ fn an_amt_reply_is_what_was_ordered() {
 }
 
 #[test]
+fn a_command_is_on_the_wire_while_it_is_sent() {
+    // 125 ms between the sets of an AMT ECU, 20 ms between the frames of this ZK ECU.
+    for (index, period, frame, command) in [
+        (0, 125 * MILLIS, [0xFF, 0x14, 132, 0x14, 132].as_slice(), WireCommand::Run(500)),
+        (3, 20 * MILLIS, &zk(0x18, 0), WireCommand::Standby),
+    ] {
+        let mut audit = audit(index);
+        assert_eq!(audit.on_wire_now(0), None);
+        audit.look(&entries(1000 * MILLIS, frame));
+        let end = 1000 * MILLIS + frame.len() as Nanos * MILLIS / 10;
+        assert_eq!(audit.on_wire_now(end), Some(command));
+        assert_eq!(audit.on_wire_now(end + 3 * period), Some(command));
+        assert_eq!(audit.on_wire_now(end + 3 * period + 1), None);
+    }
+    // Frames that keep the ECU alive, without a command.
+    let mut audit = audit(3);
+    audit.look(&entries(0, &zk(0x18, 0)));
+    audit.look(&entries(100 * MILLIS, &zk(0, 0)));
+    assert_eq!(audit.on_wire_now(101 * MILLIS), Some(WireCommand::Nothing));
+    assert_eq!(audit.on_wire_now(500 * MILLIS), None);
+}
+
+#[test]
 fn a_zk_frame_is_what_was_ordered() {
     let mut audit = audit(3); // 50 Hz, version 5, by rpm; its RPM_X is 4
     for (frame, allowed) in [

@@ -345,18 +345,21 @@ impl Panel<'_> {
         }
     }
 
-    /// What was on the wire: stop, standby or run.
+    /// What was on the wire: stop, standby or run; frames without a command, or nothing.
     fn ribbon(&self, svg: &mut Svg, top: f64) {
+        let [stop, standby, run] = self.palette.wire;
         let name = |point: &Point| match point.on_wire {
-            None | Some(WireCommand::Nothing) => None,
-            Some(WireCommand::Stop) => Some(("emergency stop", 0)),
-            Some(WireCommand::Standby) => Some(("standby", 1)),
-            Some(WireCommand::Run(_) | WireCommand::RunRpm(_)) => Some(("run", 2)),
+            None => ("nothing", None),
+            Some(WireCommand::Nothing) => ("no command", None),
+            Some(WireCommand::Stop) => ("emergency stop", Some(stop)),
+            Some(WireCommand::Standby) => ("standby", Some(standby)),
+            Some(WireCommand::Run(_) | WireCommand::RunRpm(_)) => ("run", Some(run)),
         };
-        for (name, from, to) in self.runs(name) {
-            let Some((name, color)) = name else { continue };
+        for ((name, color), from, to) in self.runs(name) {
             let (from, to) = (self.at(from), self.at(to));
-            svg.rect((from, top), (to - from, RIBBON), self.palette.wire[color]);
+            if let Some(color) = color {
+                svg.rect((from, top), (to - from, RIBBON), color);
+            }
             let text = format!("on the wire: {name}");
             let text = if to - from > width(&text, SMALL) + 8.0 { text } else { name.to_owned() };
             if to - from > width(&text, SMALL) + 8.0 {
