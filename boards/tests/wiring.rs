@@ -12,8 +12,8 @@ const MANUAL: &str = "pins: your ECU's manual";
 const WIDTH: u32 = 1200;
 /// The boxes: the board's right side, the transceiver's sides, the ECU's left side.
 const BOARD_RIGHT: u32 = 300;
-const CONVERTER: (u32, u32) = (490, 780);
-const ECU_LEFT: u32 = 940;
+const CONVERTER: (u32, u32) = (460, 790);
+const ECU_LEFT: u32 = 900;
 /// Between two signals.
 const ROW: u32 = 46;
 /// A line of the list of ports.
@@ -192,13 +192,13 @@ fn drawing(colours: Colours) -> String {
     svg.pull_up(y);
     svg.ecu(y, "ZK ECU", "TTL, 3.3 V: ask first");
 
-    let y = 690;
+    let y = 710;
     let text = "A fuel valve on an output (docs/rc.md): closed without power, and held for 5 s while the pin floats.";
     svg.text(40, y - 66, 18, "start", 1, text);
     svg.valve(y);
 
     // Two columns, as the boards come.
-    let top = 960;
+    let top = 970;
     let mut ends = [top; 2];
     svg.text(40, top - 20, 18, "start", 1, "The board's side: ECU ports by number, as in src/config.rs");
     for board in BOARDS {

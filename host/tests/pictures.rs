@@ -1,6 +1,9 @@
-//! What the pictures and the CSV file say of a wire on which nothing is.
+//! Whether the pictures can be read, and what they and the CSV file say of a wire on which nothing is.
 
-use std::path::PathBuf;
+#[path = "support/picture.rs"]
+mod picture;
+
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Plays a run, with its CSV file and its picture.
@@ -47,4 +50,53 @@ fn a_wire_on_which_nothing_is_carries_no_throttle() {
     let texts: Vec<&str> =
         xml.descendants().filter(|node| node.is_text()).filter_map(|node| node.text()).collect();
     assert_eq!(texts.iter().filter(|text| text.contains("on the wire: nothing")).count(), 1, "{texts:?}");
+}
+
+/// The pictures of docs/, but those of the screen: their texts have given widths.
+fn drawings() -> Vec<PathBuf> {
+    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs");
+    let folders = [docs.clone(), docs.join("scenarios")];
+    let entries = folders.iter().flat_map(|folder| std::fs::read_dir(folder).expect("a folder"));
+    let paths = entries.map(|entry| entry.expect("an entry").path());
+    paths.filter(|path| path.extension().is_some_and(|end| end == "svg")).collect()
+}
+
+#[test]
+fn each_text_of_the_pictures_can_be_read() {
+    let drawings = drawings();
+    assert!(drawings.len() >= 16, "{drawings:?}");
+    let found = drawings.iter().flat_map(|path| {
+        let svg = std::fs::read_to_string(path).expect("a picture");
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        picture::hard_to_read(&svg).into_iter().map(move |what| format!("{name}: {what}"))
+    });
+    let found: Vec<String> = found.collect();
+    assert!(found.is_empty(), "{}", found.join("\n"));
+}
+
+#[test]
+fn what_makes_a_text_hard_to_read_is_found() {
+    let picture = |elements: &str| {
+        let svg = format!("<svg viewBox=\"0 0 200 100\">{elements}</svg>");
+        picture::hard_to_read(&svg).join("; ")
+    };
+    let text = |x: u32, text: &str| format!("<text x=\"{x}\" y=\"50\" font-size=\"10\">{text}</text>");
+    let frame = "<rect x=\"10\" y=\"10\" width=\"50\" height=\"80\" stroke=\"red\"/>";
+    let line = |points: &str, color: &str| format!("<polyline points=\"{points}\" stroke=\"{color}\"/>");
+    for (elements, expected) in [
+        (text(20, "short"), ""),
+        (text(180, "short"), "runs out of the picture"),
+        (text(20, "short") + frame, ""),
+        (text(40, "short") + frame, "runs out of a box"),
+        (text(20, "short") + &text(50, "other"), ""),
+        (text(20, "short") + &text(40, "other"), "overlap"),
+        (text(20, "short") + &line("0,0 35,60 100,60", "red"), "crossed by the line from (0.0, 0.0)"),
+        (text(20, "short") + &line("0,60 100,60", "red"), ""),
+        (text(20, "short") + "<path d=\"M30 0L30 99\" stroke=\"blue\"/>", "crossed by the line from (30.0"),
+        // A line of the grid.
+        (text(20, "short") + &line("0,48 100,48", "#dddddd"), ""),
+    ] {
+        let found = picture(&elements);
+        assert!(found.contains(expected) && found.is_empty() == expected.is_empty(), "{elements}: {found}");
+    }
 }

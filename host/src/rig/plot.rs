@@ -1,14 +1,17 @@
 //! The plot of a run: the engines under one another on one time axis.
 
+mod font;
+mod marks;
 mod palette;
 mod panel;
 mod scale;
 mod svg;
 
+use self::font::width;
 use self::palette::Palette;
 use self::panel::Panel;
 use self::scale::Scale;
-use self::svg::{Anchor, Stroke, Svg, width};
+use self::svg::{Anchor, Stroke, Svg};
 use super::chronicle::{Chronicle, Happening};
 use super::ending::EndRequest;
 use super::output::Whole;
@@ -72,7 +75,7 @@ impl Picture<'_> {
                 happened.iter().filter(of_engine).cloned().collect()
             })
             .collect();
-        let lanes = happened.iter().map(|of_engine| panel::lanes(of_engine, &time, SIDES)).max().unwrap_or(0);
+        let lanes = happened.iter().map(|of_engine| marks::lanes(of_engine, &time, SIDES)).max().unwrap_or(0);
         let panel_height = panel::height(lanes);
         let height = head + panel_height * subjects.len() as f64 + FOOT;
         let mut svg = Svg::new(WIDTH, height, palette.ground);
@@ -94,7 +97,7 @@ impl Picture<'_> {
             };
             panel.draw(&mut svg, head + panel_height * i as f64);
         }
-        self.head(&mut svg, palette, each, &title);
+        self.head(&mut svg, palette, &title);
         let y = height - FOOT;
         for mark in time.marks(12) {
             let x = time.at(mark);
@@ -102,11 +105,16 @@ impl Picture<'_> {
             svg.text((x, y + 21.0), 14, Anchor::Middle, palette.ink, &format!("{mark:.0}"));
         }
         svg.text((SIDES.1, y + 38.0), 14, Anchor::End, palette.ink, "time in s");
+        if each > 1 {
+            let text =
+                format!("long run: each point is {:.1} s, a band from least to most", each as f64 / 10.0);
+            svg.text((SIDES.0, y + 38.0), 14, Anchor::Start, palette.ink, &text);
+        }
         svg.finish()
     }
 
-    /// The title and the legend, which holds for all panels. `each`: samples that each point replaces.
-    fn head(&self, svg: &mut Svg, palette: Palette, each: usize, title: &[String]) {
+    /// The title and the legend, which holds for all panels.
+    fn head(&self, svg: &mut Svg, palette: Palette, title: &[String]) {
         let mut y = 30.0;
         for line in title {
             svg.text((TITLE_SIDE, y), TITLE_SIZE, Anchor::Start, palette.ink, line);
@@ -131,11 +139,6 @@ impl Picture<'_> {
             svg.path(&[(x, y), (x + 34.0, y)], color, 2.0, stroke);
             svg.text((x + 42.0, y + 5.0), 16, Anchor::Start, palette.ink, name);
             x += 70.0 + width(name, 16);
-        }
-        if each > 1 {
-            let text =
-                format!("long run: each point is {:.1} s, a band from least to most", each as f64 / 10.0);
-            svg.text((SIDES.1, y + 5.0), 14, Anchor::End, palette.ink, &text);
         }
     }
 }

@@ -1,76 +1,40 @@
-//! One engine of a plot: what happened above, shaft speed and EGT, the throttle in a strip of its own, the switch below.
+//! One engine of a plot: what happened above, shaft speed and EGT, the throttle in a strip of its own, the switch and the
+//! stages of the run below. The lines come first, and then the texts where no line crosses them.
 
 use super::super::audit::WireCommand;
 use super::super::chronicle::{Happening, Subject};
 use super::super::record::{Band, Point};
+use super::font::width;
+use super::marks::{Mark, SMALL, marks, unnamed};
 use super::palette::Palette;
 use super::scale::{Scale, thousands};
-use super::svg::{Anchor, Stroke, Svg, width};
+use super::svg::{Anchor, Stroke, Svg};
 
-/// Lines of text for what happened: as many as its names need, within these.
-const LANES: (usize, usize) = (4, 8);
 /// Height of such a line.
 const LANE: f64 = 17.0;
 const CAPTION: f64 = 30.0;
-const CURVES: f64 = 200.0;
+const CURVES: f64 = 180.0;
 const STRIP: f64 = 64.0;
 const RIBBON: f64 = 18.0;
+/// The names of the stages: lines of text, and their height.
+const STAGE_LINES: u32 = 2;
+const STAGE_LINE: f64 = 16.0;
 const BETWEEN: f64 = 16.0;
 /// The whole panel without those lines.
-const HEIGHT: f64 = CAPTION + CURVES + BETWEEN + STRIP + BETWEEN + RIBBON + 24.0;
-/// The smallest text.
-const SMALL: u32 = 13;
+const HEIGHT: f64 =
+    CAPTION + CURVES + BETWEEN + STRIP + BETWEEN + RIBBON + STAGE_LINES as f64 * STAGE_LINE + 4.0 + 24.0;
 /// In pixels.
 const SHORTEST_GAP: f64 = 4.0;
+/// Between two places that are tried for a text.
+const STEP: f64 = 8.0;
+/// A name that has no room where it belongs stands no farther beside it.
+const BESIDE: f64 = 40.0;
 /// Room above the highest value.
-const HEADROOM: f64 = 1.08;
+const HEADROOM: f64 = 1.12;
 
 /// The height of a panel with this number of lines of text.
 pub fn height(lanes: usize) -> f64 {
     HEIGHT + LANE * lanes as f64
-}
-
-/// Something that happened, in the picture.
-struct Mark {
-    x: f64,
-    text: String,
-    /// Its line of text; `None`: there is no room for its name.
-    lane: Option<usize>,
-    /// Its name ends at it.
-    at_end: bool,
-}
-
-/// Places of the marks.
-fn marks(happened: &[Happening], time: &Scale, sides: (f64, f64)) -> Vec<Mark> {
-    let mut free = [sides.0; LANES.1];
-    let seen = happened.iter().filter_map(|happening| {
-        let x = time.at(happening.t);
-        (x >= sides.0 && x <= sides.1).then_some((x, happening))
-    });
-    let mark = |(x, happening): (f64, &Happening)| {
-        let text = format!("\u{a0}{}", happening.text);
-        let wide = width(&text, SMALL) + 6.0;
-        let at_end = x + wide > sides.1;
-        let from = if at_end { x - wide } else { x };
-        let lane = free.iter().position(|free| *free <= from);
-        if let Some(free) = lane.and_then(|lane| free.get_mut(lane)) {
-            *free = if at_end { x } else { x + wide };
-        }
-        Mark { x, text, lane, at_end }
-    };
-    seen.map(mark).collect()
-}
-
-/// The lines of text that this takes.
-pub fn lanes(happened: &[Happening], time: &Scale, sides: (f64, f64)) -> usize {
-    let last = marks(happened, time, sides).iter().filter_map(|mark| mark.lane).max();
-    last.map_or(0, |last| last + 1).max(LANES.0)
-}
-
-/// That there are lines without a name.
-fn unnamed(happened: &[Happening], time: &Scale, sides: (f64, f64)) -> Option<String> {
-    let count = marks(happened, time, sides).iter().filter(|mark| mark.lane.is_none()).count();
-    (count > 0).then(|| format!("{count} more marked without a name: no room"))
 }
 
 /// All that one panel needs.
@@ -113,13 +77,30 @@ impl Panel<'_> {
         if let Some(text) = unnamed(self.happened, self.time, self.sides) {
             svg.text((self.sides.1, top + 21.0), SMALL, Anchor::End, self.palette.mark, &text);
         }
-        self.stages(svg, curves, ribbon + RIBBON);
+        let stages = ribbon + RIBBON;
+        let (rpm, egt) = self.scales(curves);
+        let percent = Scale::new(0.0..100.0, strip + STRIP..strip);
+
+        self.stages(svg, curves, stages + f64::from(STAGE_LINES) * STAGE_LINE + 4.0);
         self.gaps(svg, curves);
-        self.curves(svg, curves);
-        self.strip(svg, strip);
+        self.axes(svg, curves, &rpm, &egt);
+        self.curves(svg, &rpm, &egt);
+        self.strip(svg, strip, &percent);
         self.ribbon(svg, ribbon);
         self.happened(svg, lanes, ribbon);
-        self.fault_sets(svg, curves);
+        let fault_sets = self.fault_sets(svg, curves);
+
+        self.stage_names(svg, stages);
+        self.limit_name(svg, &egt);
+        if self.subject.by_rpm {
+            let value = |point: &Point| point.demand_rpm.map(|band| band.most);
+            self.levels(svg, &rpm, curves, curves + CURVES, &value, &thousands);
+        } else {
+            let value = |point: &Point| point.throttle.map(|band| band.most);
+            self.levels(svg, &percent, strip, strip + STRIP, &value, &|percent| format!("{percent} %"));
+        }
+        self.gap_names(svg, curves);
+        self.fault_set_names(svg, curves, &fault_sets);
     }
 
     fn at(&self, t: f64) -> f64 {
@@ -143,107 +124,114 @@ impl Panel<'_> {
         runs
     }
 
-    /// The stages of the run, with their names at the top.
+    /// The stages of the run, as grounds.
     fn stages(&self, svg: &mut Svg, top: f64, bottom: f64) {
-        let runs = self.runs(|point| point.stage);
-        for (stage, from, to) in &runs {
-            let (from, to) = (self.at(*from), self.at(*to));
-            svg.rect((from, top), (to - from, bottom - top), self.palette.stage(*stage));
-        }
-        // Over all of them: a name may be longer than its stage, and one that would run out of the picture ends with it.
-        let mut free = [self.sides.0; 2];
-        for (stage, from, _) in &runs {
-            let (from, wide) = (self.at(*from), width(stage.name(), 14) + 6.0);
-            let at_end = from + wide > self.sides.1;
-            let (x, anchor) = if at_end { (self.sides.1, Anchor::End) } else { (from, Anchor::Start) };
-            let line = usize::from(free[0] > from.min(self.sides.1 - wide));
-            if let Some(free) = free.get_mut(line) {
-                *free = if at_end { self.sides.1 } else { from + wide };
-            }
-            let y = top + 14.0 + 15.0 * line as f64;
-            svg.text((x, y), 14, anchor, self.palette.ink, &format!(" {} ", stage.name()));
+        for (stage, from, to) in self.runs(|point| point.stage) {
+            let (from, to) = (self.at(from), self.at(to));
+            svg.rect((from, top), (to - from, bottom - top), self.palette.stage(stage));
         }
     }
 
-    /// Where nothing is received.
+    /// Their names at the bottom, where no line is: a name may be longer than its stage, and one that would run out of the
+    /// picture ends with it.
+    fn stage_names(&self, svg: &mut Svg, top: f64) {
+        for (stage, from, _) in self.runs(|point| point.stage) {
+            let (from, name) = (self.at(from) + 3.0, stage.name());
+            let at_end = from + width(name, 14) > self.sides.1;
+            let (x, anchor) = if at_end { (self.sides.1, Anchor::End) } else { (from, Anchor::Start) };
+            let lines = (1..=STAGE_LINES).map(|line| (x, top + f64::from(line) * STAGE_LINE - 2.0));
+            svg.place(lines, 14, anchor, self.palette.ink, name);
+        }
+    }
+
+    /// Where nothing is received, if it is long enough to be seen.
+    fn silences(&self) -> impl Iterator<Item = (f64, f64)> {
+        let silent = self.runs(|point| point.link).into_iter().filter(|(received, ..)| !received);
+        silent.map(|(_, from, to)| (self.at(from), self.at(to)))
+    }
+
     fn gaps(&self, svg: &mut Svg, top: f64) {
-        // Beside one that is named another one is not.
+        for (from, to) in self.silences() {
+            svg.rect((from, top), (to - from, CURVES), self.palette.gap);
+        }
+    }
+
+    /// Beside one that is named another one is not, nor one that is too short to be seen.
+    fn gap_names(&self, svg: &mut Svg, top: f64) {
+        let text = "nothing received";
+        let wide = width(text, SMALL);
         let mut free = self.sides.0;
-        for (received, from, to) in self.runs(|point| point.link) {
-            let (from, to) = (self.at(from), self.at(to));
-            if received {
+        for (from, to) in self.silences().filter(|(from, to)| to - from > SHORTEST_GAP) {
+            let (left, right) = (from - 3.0 - wide, to + 3.0);
+            let inside = if from + 3.0 + wide > self.sides.1 { to - wide } else { from + 3.0 };
+            if inside < free {
                 continue;
             }
-            svg.rect((from, top + 34.0), (to - from, CURVES - 34.0), self.palette.gap);
-            // What is too short to be seen is not named either.
-            if to - from > SHORTEST_GAP {
-                let text = "nothing received";
-                let wide = width(text, SMALL) + 3.0;
-                let at_end = from + wide > self.sides.1;
-                let (x, anchor) = if at_end { (to, Anchor::End) } else { (from + 3.0, Anchor::Start) };
-                let first = if at_end { to - wide } else { from };
-                if first >= free {
-                    svg.text((x, top + CURVES - 6.0), SMALL, anchor, self.palette.ink, text);
-                    free = first + wide;
-                }
+            // Within it, or else beside it.
+            let places = within(inside, to - wide, top, top + CURVES)
+                .chain(
+                    within(right, right + BESIDE, top, top + CURVES).filter(|(x, _)| x + wide < self.sides.1),
+                )
+                .chain(within(left - BESIDE, left, top, top + CURVES).filter(|(x, _)| *x > self.sides.0));
+            if svg.place(places, SMALL, Anchor::Start, self.palette.ink, text) {
+                free = inside + wide;
             }
         }
     }
 
-    fn curves(&self, svg: &mut Svg, top: f64) {
-        let bottom = top + CURVES;
+    /// The axes of rpm and EGT.
+    fn scales(&self, top: f64) -> (Scale, Scale) {
         let highest = |value: &dyn Fn(&Point) -> Option<Band>, least: f64| {
             self.points.iter().filter_map(value).map(|band| band.most).fold(least, f64::max) * HEADROOM
         };
-        // Room for the names of the stages.
-        let room = 0.18;
-        let most_rpm = highest(&|point| point.rpm, self.subject.max_rpm) * (1.0 + room);
-        let most_egt = highest(&|point| point.egt, self.subject.egt_limit.unwrap_or(800.0)) * (1.0 + room);
-        let rpm = Scale::new(0.0..most_rpm, bottom..top);
-        let egt = Scale::new(0.0..most_egt, bottom..top);
+        let most_rpm = highest(&|point| point.rpm, self.subject.max_rpm);
+        let most_egt = highest(&|point| point.egt, self.subject.egt_limit.unwrap_or(800.0));
+        let places = top + CURVES..top;
+        (Scale::new(0.0..most_rpm, places.clone()), Scale::new(0.0..most_egt, places))
+    }
+
+    fn axes(&self, svg: &mut Svg, top: f64, rpm: &Scale, egt: &Scale) {
+        let (left, right) = self.sides;
         for mark in rpm.marks(4).into_iter().filter(|mark| rpm.at(*mark) > top + 8.0) {
             let y = rpm.at(mark);
-            svg.line((self.sides.0, y), (self.sides.1, y), self.palette.grid, 1.0);
-            svg.text((self.sides.0 - 8.0, y + 5.0), 14, Anchor::End, self.palette.rpm, &thousands(mark));
+            svg.grid((left, y), (right, y), self.palette.grid);
+            svg.text((left - 8.0, y + 5.0), 14, Anchor::End, self.palette.rpm, &thousands(mark));
         }
         for mark in egt.marks(4).into_iter().filter(|mark| egt.at(*mark) > top + 8.0) {
-            svg.text(
-                (self.sides.1 + 8.0, egt.at(mark) + 5.0),
-                14,
-                Anchor::Start,
-                self.palette.egt,
-                &thousands(mark),
-            );
+            let place = (right + 8.0, egt.at(mark) + 5.0);
+            svg.text(place, 14, Anchor::Start, self.palette.egt, &thousands(mark));
         }
-        svg.text((self.sides.0 - 8.0, top - 5.0), 14, Anchor::End, self.palette.rpm, "rpm");
-        svg.text((self.sides.1 + 76.0, top - 5.0), 14, Anchor::End, self.palette.egt, "EGT in °C");
+        svg.text((left - 8.0, top - 5.0), 14, Anchor::End, self.palette.rpm, "rpm");
+        svg.text((right + 76.0, top - 5.0), 14, Anchor::End, self.palette.egt, "EGT in °C");
+    }
+
+    fn curves(&self, svg: &mut Svg, rpm: &Scale, egt: &Scale) {
         if let Some(limit) = self.subject.egt_limit {
             let y = egt.at(limit);
             svg.path(&[(self.sides.0, y), (self.sides.1, y)], self.palette.egt, 1.2, Stroke::Dotted);
-            // Below it: the names of the stages are above. At the end, where most engines are cool.
-            let text = format!("EGT limit {limit:.0} °C");
-            let place = (self.sides.1 - 4.0, y + 14.0);
-            svg.text(place, SMALL, Anchor::End, self.palette.egt, &text);
         }
-        self.curve(svg, &rpm, self.palette.commanded, 4.0, &|point| (false, point.demand_rpm), true);
-        self.curve(svg, &rpm, self.palette.sent, 1.8, &|point| (false, point.sent_rpm), true);
-        self.curve(svg, &egt, self.palette.egt, 1.8, &|point| (point.egt_old, point.egt), false);
-        self.curve(svg, &rpm, self.palette.rpm, 1.8, &|point| (point.rpm_old, point.rpm), false);
-        self.levels(
-            svg,
-            &rpm,
-            |point| point.demand_rpm.map(|band| thousands(band.most)),
-            |point| point.demand_rpm.map(|band| band.most),
-        );
+        self.curve(svg, rpm, self.palette.commanded, 4.0, &|point| (false, point.demand_rpm), true);
+        self.curve(svg, rpm, self.palette.sent, 1.8, &|point| (false, point.sent_rpm), true);
+        self.curve(svg, egt, self.palette.egt, 1.8, &|point| (point.egt_old, point.egt), false);
+        self.curve(svg, rpm, self.palette.rpm, 1.8, &|point| (point.rpm_old, point.rpm), false);
+    }
+
+    /// The name of the EGT limit, from the end on, where most engines are cool: below its line or above it.
+    fn limit_name(&self, svg: &mut Svg, egt: &Scale) {
+        let Some(limit) = self.subject.egt_limit else { return };
+        let (text, y) = (format!("EGT limit {limit:.0} °C"), egt.at(limit));
+        let wide = width(&text, SMALL);
+        let places =
+            steps(self.sides.1 - 4.0, self.sides.0 + wide, -STEP).flat_map(|x| [(x, y + 14.0), (x, y - 5.0)]);
+        svg.place(places, SMALL, Anchor::End, self.palette.egt, &text);
     }
 
     /// The throttle, 0 to 100 %.
-    fn strip(&self, svg: &mut Svg, top: f64) {
+    fn strip(&self, svg: &mut Svg, top: f64, percent: &Scale) {
         let bottom = top + STRIP;
-        let percent = Scale::new(0.0..100.0, bottom..top);
         for mark in [0.0, 50.0, 100.0] {
             let y = percent.at(mark);
-            svg.line((self.sides.0, y), (self.sides.1, y), self.palette.grid, 1.0);
+            svg.grid((self.sides.0, y), (self.sides.1, y), self.palette.grid);
         }
         if self.subject.by_rpm {
             let text = "throttle: none, the demand is in rpm";
@@ -255,35 +243,28 @@ impl Panel<'_> {
             svg.text((self.sides.0 - 8.0, percent.at(mark) + 5.0), 14, Anchor::End, self.palette.ink, &text);
         }
         svg.text((20.0, top + 34.0), 14, Anchor::Start, self.palette.ink, "throttle");
-        self.curve(svg, &percent, self.palette.commanded, 4.0, &|point| (false, point.throttle), true);
-        self.curve(svg, &percent, self.palette.sent, 1.8, &|point| (false, point.sent_throttle), true);
-        self.levels(
-            svg,
-            &percent,
-            |point| point.throttle.map(|band| format!("{} %", band.most)),
-            |point| point.throttle.map(|band| band.most),
-        );
+        self.curve(svg, percent, self.palette.commanded, 4.0, &|point| (false, point.throttle), true);
+        self.curve(svg, percent, self.palette.sent, 1.8, &|point| (false, point.sent_throttle), true);
     }
 
-    /// The value at each step of a demand, where there is room for it.
+    /// The value at each step of a demand, above its line or below it, where there is room for it.
     fn levels(
         &self,
         svg: &mut Svg,
         scale: &Scale,
-        label: impl Fn(&Point) -> Option<String>,
-        value: impl Fn(&Point) -> Option<f64>,
+        top: f64,
+        bottom: f64,
+        value: &dyn Fn(&Point) -> Option<f64>,
+        label: &dyn Fn(f64) -> String,
     ) {
-        for (text, from, to) in self.runs(label) {
-            let Some(text) = text else { continue };
-            let first = self.points.iter().find(|point| point.t >= from).and_then(&value);
-            let Some(value) = first else { continue };
-            let (from, to) = (self.at(from), self.at(to));
-            if to - from > width(&text, SMALL) + 8.0 {
-                let y = scale.at(value);
-                // Above the line, or below it where it is high.
-                let y = if value > 70.0 && !self.subject.by_rpm { y + 15.0 } else { y - 5.0 };
-                svg.text((from + 5.0, y), SMALL, Anchor::Start, self.palette.ink, &text);
-            }
+        for (value, from, to) in self.runs(value) {
+            let Some(value) = value else { continue };
+            let (text, y) = (label(value), scale.at(value));
+            let last = self.at(to) - 3.0 - width(&text, SMALL);
+            let heights = [y - 6.0, y + 15.0].into_iter().filter(|y| *y >= top + 10.0 && *y <= bottom - 2.0);
+            let places = steps(self.at(from) + 5.0, last, STEP / 2.0)
+                .flat_map(|x| heights.clone().map(move |y| (x, y)));
+            svg.place(places, SMALL, Anchor::Start, self.palette.ink, &text);
         }
     }
 
@@ -370,31 +351,54 @@ impl Panel<'_> {
 
     /// What happened: a line through the panel and its name above, in one of the lines of text.
     fn happened(&self, svg: &mut Svg, lanes: f64, bottom: f64) {
-        for Mark { x, text, lane, at_end } in marks(self.happened, self.time, self.sides) {
-            let y = lanes + LANE * lane.unwrap_or(self.lanes.saturating_sub(1)) as f64;
+        for Mark { x, text, lane, at_left } in marks(self.happened, self.time, self.sides) {
+            // Without room for its name there is the line alone, below all names.
+            let y = lanes + LANE * lane.unwrap_or(self.lanes) as f64;
             svg.line((x, y + 3.0), (x, bottom), self.palette.mark, 1.0);
-            // Without room there is the line alone.
             if lane.is_some() {
-                let anchor = if at_end { Anchor::End } else { Anchor::Start };
+                let anchor = if at_left { Anchor::End } else { Anchor::Start };
                 svg.text((x, y + 13.0), SMALL, anchor, self.palette.mark, &text);
             }
         }
     }
 
-    /// An AMT ECU with a fault sends sets that carry no rpm.
-    fn fault_sets(&self, svg: &mut Svg, top: f64) {
-        for (dark, from, to) in self.runs(|point| point.link && point.fault && point.rpm.is_none()) {
-            if !dark {
-                continue;
-            }
-            let (from, to) = (self.at(from), self.at(to));
-            svg.line((from, top + CURVES - 4.0), (to, top + CURVES - 4.0), self.palette.rpm, 3.0);
-            let text = "fault sets: no rpm";
-            let at_end = from + width(text, SMALL) > self.sides.1;
-            let (x, anchor) = if at_end { (self.sides.1, Anchor::End) } else { (from, Anchor::Start) };
-            svg.text((x, top + CURVES - 9.0), SMALL, anchor, self.palette.rpm, text);
+    /// An AMT ECU with a fault sends sets that carry no rpm: from where to where.
+    fn fault_sets(&self, svg: &mut Svg, top: f64) -> Vec<(f64, f64)> {
+        let runs = self.runs(|point| point.link && point.fault && point.rpm.is_none());
+        let runs = runs.into_iter().filter(|(dark, ..)| *dark);
+        let sets: Vec<(f64, f64)> = runs.map(|(_, from, to)| (self.at(from), self.at(to))).collect();
+        for (from, to) in &sets {
+            svg.line((*from, top + CURVES - 4.0), (*to, top + CURVES - 4.0), self.palette.rpm, 3.0);
+        }
+        sets
+    }
+
+    fn fault_set_names(&self, svg: &mut Svg, top: f64, sets: &[(f64, f64)]) {
+        let text = "fault sets: no rpm";
+        let wide = width(text, SMALL);
+        for (from, to) in sets {
+            let first = from.min(self.sides.1 - wide);
+            svg.place(
+                within(first, to - wide, top, top + CURVES - 4.0),
+                SMALL,
+                Anchor::Start,
+                self.palette.rpm,
+                text,
+            );
         }
     }
+}
+
+/// From the first to the last; the first one in any case.
+fn steps(first: f64, last: f64, step: f64) -> impl Iterator<Item = f64> {
+    let count = ((last - first) / step).max(0.0) as u32;
+    (0..=count).map(move |i| first + f64::from(i) * step)
+}
+
+/// Places for a text, from the bottom up, in each line from the left to the right.
+fn within(first: f64, last: f64, top: f64, bottom: f64) -> impl Iterator<Item = (f64, f64)> {
+    steps(bottom - 6.0, top + f64::from(SMALL), -STEP)
+        .flat_map(move |y| steps(first, last, STEP).map(move |x| (x, y)))
 }
 
 /// What a curve's bands cover, where they are more than a line. A step holds until the next point.
@@ -439,21 +443,5 @@ mod tests {
         let piece = [(0.0, band(20.0, 60.0)), (3.2, band(60.0, 60.0)), (6.4, band(60.0, 60.0))];
         assert_eq!(areas(&piece, true), [[(0.0, 60.0), (3.2, 60.0), (3.2, 20.0), (0.0, 20.0)]]);
         assert_eq!(areas(&piece, false).len(), 1);
-    }
-
-    #[test]
-    fn marks_without_room_for_their_names_are_counted() {
-        let of = |count: u32| {
-            let happened = |i: u32| Happening {
-                t: 50.0 + f64::from(i) / 10.0,
-                engine: None,
-                text: "limit: exhaust too hot".to_owned(),
-            };
-            (0..count).map(happened).collect::<Vec<_>>()
-        };
-        let sides = (100.0, 1220.0);
-        let time = Scale::new(0.0..100.0, sides.0..sides.1);
-        assert_eq!(unnamed(&of(8), &time, sides), None);
-        assert_eq!(unnamed(&of(11), &time, sides).as_deref(), Some("3 more marked without a name: no room"));
     }
 }

@@ -1,5 +1,6 @@
-//! SVG as text: the few shapes that a plot needs.
+//! SVG as text: the few shapes that a plot needs, and a place for a text where nothing crosses it.
 
+use super::font::width;
 use std::fmt::Write;
 
 /// Which side of its place a text is on.
@@ -34,10 +35,26 @@ impl Stroke {
     }
 }
 
+/// A rectangle that a text takes: left, top, right, bottom.
+type Area = [f64; 4];
+
+/// A straight line, from and to.
+type Line = ((f64, f64), (f64, f64));
+
+/// A letter's height above the line of writing and below it, in parts of its size.
+const ASCENT: f64 = 0.76;
+const DESCENT: f64 = 0.24;
+
+/// Least distance of a placed text from those beside it.
+const APART: f64 = 4.0;
+
 /// A picture that is being written.
 #[derive(Debug)]
 pub struct Svg {
     text: String,
+    /// What a text is not placed on.
+    lines: Vec<Line>,
+    texts: Vec<Area>,
 }
 
 /// A coordinate: tenths of a pixel are enough.
@@ -55,7 +72,7 @@ impl Svg {
     /// An empty one of this size on this ground.
     pub fn new(width: f64, height: f64, ground: &str) -> Self {
         let (width, height) = (n(width), n(height));
-        let mut svg = Self { text: String::new() };
+        let mut svg = Self { text: String::new(), lines: Vec::new(), texts: Vec::new() };
         svg.push(&format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\" \
              font-family=\"sans-serif\">"
@@ -79,6 +96,11 @@ impl Svg {
         }
     }
 
+    /// A straight line of the grid: a text may stand on it.
+    pub fn grid(&mut self, from: (f64, f64), to: (f64, f64), color: &str) {
+        self.polyline(&[from, to], color, 1.0, Stroke::Solid);
+    }
+
     /// A straight line.
     pub fn line(&mut self, from: (f64, f64), to: (f64, f64), color: &str, width: f64) {
         self.path(&[from, to], color, width, Stroke::Solid);
@@ -86,6 +108,11 @@ impl Svg {
 
     /// A line through these points.
     pub fn path(&mut self, points: &[(f64, f64)], color: &str, width: f64, stroke: Stroke) {
+        self.lines.extend(points.iter().copied().zip(points.iter().skip(1).copied()));
+        self.polyline(points, color, width, stroke);
+    }
+
+    fn polyline(&mut self, points: &[(f64, f64)], color: &str, width: f64, stroke: Stroke) {
         if points.len() < 2 {
             return;
         }
@@ -108,6 +135,7 @@ impl Svg {
 
     /// A text; `size` is in pixels.
     pub fn text(&mut self, (x, y): (f64, f64), size: u32, anchor: Anchor, fill: &str, text: &str) {
+        self.texts.push(area((x, y), size, anchor, text));
         let anchor = match anchor {
             Anchor::Start => "start",
             Anchor::Middle => "middle",
@@ -117,6 +145,30 @@ impl Svg {
         self.push(&format!(
             "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\" text-anchor=\"{anchor}\" fill=\"{fill}\">{text}</text>"
         ));
+    }
+
+    /// A text at the first of these places where no other text and no line is; nowhere if there is none. It stands clear of
+    /// what is drawn before it.
+    pub fn place(
+        &mut self,
+        places: impl IntoIterator<Item = (f64, f64)>,
+        size: u32,
+        anchor: Anchor,
+        fill: &str,
+        text: &str,
+    ) -> bool {
+        let is_free = |place: &(f64, f64)| {
+            let area = area(*place, size, anchor, text);
+            let [left, top, right, bottom] = area;
+            let around = [left - APART, top, right + APART, bottom];
+            self.texts.iter().all(|other| !overlap(around, *other))
+                && self.lines.iter().all(|line| !crosses(*line, area))
+        };
+        let free = places.into_iter().find(is_free);
+        if let Some(place) = free {
+            self.text(place, size, anchor, fill, text);
+        }
+        free.is_some()
     }
 
     /// The whole picture.
@@ -136,9 +188,38 @@ fn joined(points: &[(f64, f64)]) -> String {
     text
 }
 
-/// About the width of a text, in pixels: fonts differ.
-pub fn width(text: &str, size: u32) -> f64 {
-    0.56 * f64::from(size) * text.chars().count() as f64
+/// What a text takes.
+fn area((x, y): (f64, f64), size: u32, anchor: Anchor, text: &str) -> Area {
+    let wide = width(text.trim_matches(' '), size);
+    let left = match anchor {
+        Anchor::Start => x,
+        Anchor::Middle => x - wide / 2.0,
+        Anchor::End => x - wide,
+    };
+    let size = f64::from(size);
+    [left, y - ASCENT * size, left + wide, y + DESCENT * size]
+}
+
+fn overlap(a: Area, b: Area) -> bool {
+    let ([left, top, right, bottom], [other_left, other_top, other_right, other_bottom]) = (a, b);
+    left < other_right && other_left < right && top < other_bottom && other_top < bottom
+}
+
+/// Whether a part of the line is in the area.
+fn crosses((a, b): Line, [left, top, right, bottom]: Area) -> bool {
+    // The part of the way that lies between two bounds.
+    let part = |start: f64, end: f64, least: f64, most: f64| {
+        let step = end - start;
+        if step == 0.0 {
+            let all = start > least && start < most;
+            if all { (0.0, 1.0) } else { (1.0, 0.0) }
+        } else {
+            let (one, other) = ((least - start) / step, (most - start) / step);
+            (one.min(other), one.max(other))
+        }
+    };
+    let (x, y) = (part(a.0, b.0, left, right), part(a.1, b.1, top, bottom));
+    x.0.max(y.0).max(0.0) < x.1.min(y.1).min(1.0)
 }
 
 #[cfg(test)]
@@ -154,5 +235,22 @@ mod tests {
         let xml = roxmltree::Document::parse(&text).expect("well-formed XML");
         assert!(xml.descendants().any(|node| node.text() == Some("a < b & c")));
         assert!(text.contains("points=\"0,0 1.2,2\"") && text.contains("stroke-dasharray"), "{text}");
+    }
+
+    #[test]
+    fn a_text_is_placed_where_nothing_crosses_it() {
+        let mut svg = Svg::new(100.0, 100.0, "#fff");
+        svg.grid((0.0, 30.0), (100.0, 30.0), "#ddd");
+        svg.line((10.0, 0.0), (10.0, 45.0), "red", 1.0);
+        svg.path(&[(0.0, 90.0), (50.0, 50.0)], "red", 1.0, Stroke::Solid);
+        let mut place = |places: &[(f64, f64)]| svg.place(places.to_vec(), 10, Anchor::Start, "#000", "text");
+        // Beside the line; on the grid; where that text is; below the other line.
+        assert!(!place(&[(5.0, 35.0), (15.0, 85.0)]));
+        assert!(place(&[(5.0, 35.0), (15.0, 35.0)]));
+        assert!(!place(&[(15.0, 35.0), (30.0, 35.0), (15.0, 42.0)]));
+        assert!(place(&[(40.0, 80.0)]));
+        let text = svg.finish();
+        assert_eq!(text.matches("<text").count(), 2);
+        assert!(text.contains("x=\"15\" y=\"35\"") && text.contains("x=\"40\" y=\"80\""), "{text}");
     }
 }
