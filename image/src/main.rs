@@ -6,40 +6,14 @@
 #![forbid(unsafe_code)]
 
 use base64::Engine as _;
-use boards::{BOARDS, Before, Board, Bootloader};
+use boards::{Before, Board, Bootloader};
 use clap::Parser;
-use clap::builder::{PossibleValuesParser, TypedValueParser};
+use commands::image::Args;
 use crc::{Algorithm, Crc};
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
-
-/// Build the firmware of a board and write the files that flash it.
-///
-/// Writes NAME.elf (for probe-rs), NAME.bin (for dfu-util) and NAME.hex. With --ardupilot-bootloader the image is
-/// linked behind the board's ArduPilot bootloader, and NAME.apj is for it, too: upload it with ArduPilot's
-/// uploader.py or as custom firmware with a ground station.
-#[derive(Parser, Debug)]
-#[command(name = "cargo image", bin_name = "cargo image")]
-struct Args {
-    /// The board.
-    #[arg(value_parser = PossibleValuesParser::new(BOARDS.map(|board| board.name)).try_map(board))]
-    board: &'static Board,
-    /// For a board that keeps its ArduPilot bootloader.
-    #[arg(long)]
-    ardupilot_bootloader: bool,
-    /// The demonstration that commands the engines by itself. For a bench only!
-    #[arg(long)]
-    demo: bool,
-    /// The folder for the files.
-    #[arg(long, default_value = "target/images")]
-    out: PathBuf,
-}
-
-fn board(name: String) -> Result<&'static Board, String> {
-    Board::by_name(&name).ok_or(name)
-}
 
 /// The first bytes of the application descriptor; src/board/ardupilot.rs has the rest of its layout.
 const SIGNATURE: [u8; 8] = [0x40, 0xA2, 0xE4, 0xF1, 0x64, 0x68, 0x91, 0x06];

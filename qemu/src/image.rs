@@ -1,5 +1,6 @@
 //! The firmware's image, built with cargo.
 
+use commands::qemu::Arguments;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
@@ -10,8 +11,9 @@ pub struct Image {
 }
 
 impl Image {
-    /// Builds the firmware with these features.
-    pub fn build(features: &[&str]) -> Result<Self, String> {
+    /// Builds the firmware with this feature and those of the command line.
+    pub fn build(feature: &str, arguments: &Arguments) -> Result<Self, String> {
+        let features: Vec<&str> = [feature].into_iter().chain(arguments.features.as_deref()).collect();
         // By name and by its alias: $CARGO may be another Rust than the one that every image is built with.
         let output = Command::new("cargo")
             .current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))

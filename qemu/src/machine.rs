@@ -1,8 +1,8 @@
 //! QEMU as a child process: arguments, sockets, exit.
 
-use crate::arguments::Arguments;
 use crate::ecu::{Attached, Served};
 use crate::image::Image;
+use commands::qemu::Arguments;
 use std::net::{TcpListener, TcpStream};
 use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};

@@ -3,7 +3,6 @@
 
 #![deny(unsafe_code)]
 
-mod arguments;
 mod ecu;
 mod image;
 mod log;
@@ -11,11 +10,11 @@ mod machine;
 mod verdict;
 
 use clap::Parser;
+use commands::qemu::{Arguments, Mode};
 use jetlink_fw::config::ENGINES;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use crate::arguments::{Arguments, Mode};
 use crate::ecu::Attached;
 use crate::image::Image;
 use crate::log::Log;
@@ -40,7 +39,7 @@ fn main() -> ExitCode {
 /// Runs until Ctrl-C.
 fn run(arguments: &Arguments) -> Result<(), String> {
     let version = machine::version(&arguments.qemu)?;
-    let image = arguments.build("board-qemu-mps2")?;
+    let image = Image::build("board-qemu-mps2", arguments)?;
     println!("{version}; stop with Ctrl-C");
     let ecus = ENGINES.iter().enumerate().map(|(i, engine)| Attached::new(i, engine, ecu::Turbine::Real));
     let mut machine = Machine::start(arguments, &image, ecus.collect(), &[])?;
@@ -53,7 +52,7 @@ fn run(arguments: &Arguments) -> Result<(), String> {
 /// Runs the trial and judges it.
 fn test(arguments: &Arguments, limit: Duration) -> Result<(), String> {
     let version = machine::version(&arguments.qemu)?;
-    let image = arguments.build("trial")?;
+    let image = Image::build("trial", arguments)?;
     println!("{version}");
     let began = Instant::now();
     let ecus = ENGINES.iter().enumerate().map(|(i, engine)| Attached::new(i, engine, ecu::Turbine::Quick));
@@ -94,7 +93,7 @@ fn test(arguments: &Arguments, limit: Duration) -> Result<(), String> {
 /// Prints the instructions for a received byte, a frame and a reply. It needs no ECU: see the image's `count.rs`.
 fn count(arguments: &Arguments) -> Result<(), String> {
     let version = machine::version(&arguments.qemu)?;
-    let image = arguments.build("count")?;
+    let image = Image::build("count", arguments)?;
     println!("{version}");
     let first = count_once(arguments, &image, |line| line.message.starts_with("count: "))?;
     let second = count_once(arguments, &image, |_| false)?;

@@ -11,7 +11,7 @@ mod task;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
-use task::Task;
+use task::{Answer, Task};
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -31,15 +31,20 @@ fn main() -> ExitCode {
     }
     match prepare(&arguments) {
         Ok(command) => start(command),
-        Err(why) => {
+        Err(Answer::Help(text)) => {
+            println!("{}", text.trim_end());
+            ExitCode::SUCCESS
+        }
+        Err(Answer::Wrong(why)) => {
             eprintln!("error: {why}");
             ExitCode::FAILURE
         }
+        Err(Answer::Program(answer)) => answer.exit(),
     }
 }
 
-/// The command for these arguments, after checking its tools.
-fn prepare(arguments: &[String]) -> Result<Command, String> {
+/// The command for these arguments, after checking them and its tools.
+fn prepare(arguments: &[String]) -> Result<Command, Answer> {
     let task = Task::parse(arguments)?;
     environment::check_toolchain()?;
     for program in task.programs() {

@@ -3,6 +3,8 @@
 use crate::environment::Program;
 use crate::pin;
 use boards::{BOARDS, Board};
+use clap::Parser;
+use commands::fw;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
@@ -41,17 +43,53 @@ pub enum Task<'a> {
     Qemu(bool, &'a [String]),
 }
 
+/// What is printed in place of a task.
+#[derive(Debug)]
+pub enum Answer {
+    /// A text that was asked for.
+    Help(String),
+    /// A sentence: it is no task, or something is missing for it.
+    Wrong(String),
+    /// The answer of a program's command line: its help, or what is wrong.
+    Program(clap::Error),
+}
+
+impl From<String> for Answer {
+    fn from(why: String) -> Self {
+        Self::Wrong(why)
+    }
+}
+
 impl<'a> Task<'a> {
-    /// The task of these arguments.
-    pub fn parse(arguments: &'a [String]) -> Result<Self, String> {
-        let [task, rest @ ..] = arguments else { return Err(usage()) };
+    /// The task of these arguments, which are read as its program will read them.
+    pub fn parse(arguments: &'a [String]) -> Result<Self, Answer> {
+        let task = Self::named(arguments)?;
+        let checked = match &task {
+            Self::Fw(..) | Self::Flash(..) => Ok(()),
+            Self::Image(more) => accepts::<commands::image::Args>(&["cargo image"], more),
+            Self::Emu(more) => accepts::<commands::emu::Call>(&["cargo", "emu"], more),
+            Self::EmuRun(more) => accepts::<commands::emu::Call>(&["cargo", "emu-run"], more),
+            Self::EmuRecord(false, more) => accepts::<commands::emu::Call>(&["cargo", "emu-record"], more),
+            Self::EmuRecord(true, more) => accepts::<commands::emu::Call>(&["cargo", "emu-compare"], more),
+            Self::Qemu(false, more) => accepts::<commands::qemu::Arguments>(&["cargo qemu"], more),
+            Self::Qemu(true, more) => accepts::<commands::qemu::Arguments>(&["cargo qemu", "test"], more),
+        };
+        checked.map_err(Answer::Program)?;
+        Ok(task)
+    }
+
+    fn named(arguments: &'a [String]) -> Result<Self, Answer> {
+        let [task, rest @ ..] = arguments else { return Err(usage().into()) };
+        let asks = rest.iter().take_while(|argument| *argument != "--").any(|argument| is_help(argument));
         Ok(match task.as_str() {
+            help if is_help(help) => return Err(Answer::Help(usage())),
+            "fw" if asks => return Err(Answer::Help(fw::help())),
             "fw" => match rest {
-                [features, more @ ..] if !features.starts_with('-') => Self::Fw(features, more),
-                _ => {
-                    let boards = BOARDS.map(|board| format!("cargo fw board-{}", board.name)).join(", ");
-                    return Err(format!("name a board: {boards}; add further features after a comma"));
+                [features, more @ ..] if !features.starts_with('-') => {
+                    fw::check(features)?;
+                    Self::Fw(features, more)
                 }
+                _ => return Err(fw::boards().into()),
             },
             "image" => Self::Image(rest),
             "emu" => Self::Emu(rest),
@@ -61,8 +99,11 @@ impl<'a> Task<'a> {
             "qemu" => Self::Qemu(false, rest),
             "qemu-test" => Self::Qemu(true, rest),
             other => {
-                let board = other.strip_prefix("flash-").and_then(Board::by_name);
-                Self::Flash(board.ok_or_else(usage)?, rest)
+                let board = other.strip_prefix("flash-").and_then(Board::by_name).ok_or_else(usage)?;
+                if asks {
+                    return Err(Answer::Help(flash_help(board)));
+                }
+                Self::Flash(board, rest)
             }
         })
     }
@@ -135,6 +176,23 @@ impl<'a> Task<'a> {
             }
         }
     }
+}
+
+/// Whether a program takes these arguments.
+fn accepts<P: Parser>(first: &[&str], more: &[String]) -> Result<(), clap::Error> {
+    P::try_parse_from(strings(first, more)).map(|_| ())
+}
+
+fn is_help(argument: &str) -> bool {
+    matches!(argument, "-h" | "--help")
+}
+
+fn flash_help(board: &Board) -> String {
+    format!(
+        "Builds the firmware for the {}, writes it with a debug probe and probe-rs, and shows its log\n\n\
+         Usage: cargo flash-{} [OPTIONS OF CARGO RUN]...\n\nIt replaces the board's own bootloader.",
+        board.title, board.name
+    )
 }
 
 /// Where cargo unpacks what comes from crates.io, in its home.

@@ -177,6 +177,11 @@ fn every_image_is_built_with_the_pin_whatever_the_caller_has_set() {
             ),
         ),
         (&["emu", "babble"], format!("run --quiet --manifest-path {emu} emu babble")),
+        (
+            &["emu", "repeat", "--nocapture"],
+            format!("run --quiet --manifest-path {emu} emu repeat --nocapture"),
+        ),
+        (&["emu", "--", "--ignored"], format!("run --quiet --manifest-path {emu} emu -- --ignored")),
         (&["emu-run", "pixracer"], format!("run --quiet --manifest-path {emu} emu-run pixracer")),
         (&["emu-record", "before"], format!("run --quiet --manifest-path {emu} emu-record before")),
         (&["emu-compare", "before"], format!("run --quiet --manifest-path {emu} emu-compare before")),
@@ -275,6 +280,53 @@ fn what_is_no_task_is_reported() {
     }
     for arguments in [&["fw"][..], &["fw", "--quiet"]] {
         assert!(computer.refuses(arguments).contains("cargo fw board-pixracer"), "{arguments:?}");
+    }
+}
+
+/// Neither the toolchain nor `cargo` is asked: a build takes minutes.
+#[test]
+fn a_wrong_call_and_help_are_answered_before_any_build() {
+    let computer = Computer::without_rustup("calls");
+    let call = |arguments: &[&str]| {
+        let output = computer.xtask(arguments);
+        let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("UTF-8");
+        (output.status.code(), text(output.stdout), text(output.stderr))
+    };
+    for (arguments, why) in [
+        (&["fw", "board-pixracr"][..], "cargo fw board-pixracer"),
+        (&["fw", "board-pixracer,dmo"], "`dmo`"),
+        (&["image"], "<BOARD>"),
+        (&["image", "matek"], "matek-h743, pixracer"),
+        (&["image", "pixracer", "--outt", "x"], "'--out'"),
+        (&["emu-run", "matek"], "matek-h743, pixracer"),
+        (&["emu-run", "pixracer", "--image", "blue"], "release, demo"),
+        (&["emu-run", "pixracer", "--tcp", "0"], "1..=65535"),
+        (&["emu-record"], "<DIR>"),
+        (&["emu", "--nocapture"], "'--nocapture'"),
+        (&["qemu", "cuont"], "'cuont'"),
+        (&["qemu", "--features", "dmo"], "`dmo`"),
+        (&["qemu-test", "--limit", "long"], "'long'"),
+        (&["flash-cube"], "flash-cube-orange"),
+    ] {
+        let (status, out, error) = call(arguments);
+        assert!(matches!(status, Some(1 | 2)) && out.is_empty(), "{arguments:?}: {status:?}, {out}");
+        assert!(error.starts_with("error: ") && error.contains(why), "{arguments:?}: {error}");
+    }
+    for (arguments, text) in [
+        (&["--help"][..], "emu-compare"),
+        (&["fw", "--help"], "Usage: cargo fw"),
+        (&["image", "--help"], "Usage: cargo image"),
+        (&["image", "pixracer", "-h"], "--ardupilot-bootloader"),
+        (&["flash-pixracer", "--help"], "probe-rs"),
+        (&["emu", "--help"], "Usage: cargo emu"),
+        (&["emu-run", "--help"], "Usage: cargo emu-run"),
+        (&["emu-compare", "--help"], "Usage: cargo emu-compare"),
+        (&["qemu", "--help"], "--telemetry"),
+        (&["qemu-test", "--help"], "--limit"),
+    ] {
+        let (status, out, error) = call(arguments);
+        assert_eq!((status, error.as_str()), (Some(0), ""), "{arguments:?}");
+        assert!(out.contains(text), "{arguments:?}: {out}");
     }
 }
 

@@ -2,7 +2,7 @@
 //! tests on them, one of them interactively, or the four runs of a recording.
 
 use clap::Parser;
-use clap::builder::PossibleValuesParser;
+use commands::emu::Call;
 use emulation::image::folder;
 use emulation::recording::{Comparison, MOST_SHIFT, NamedRun, RUNS, Recording};
 use emulation::{BOARDS, Board, Image, Run};
@@ -11,56 +11,9 @@ use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
-/// The firmware's images on emulated boards.
-#[derive(Parser, Debug)]
-#[command(name = "emu", bin_name = "cargo", disable_help_subcommand = true)]
-enum Call {
-    /// Builds all images and runs the tests on them.
-    #[command(name = "emu")]
-    Test {
-        /// Only the tests whose names contain one of these.
-        #[arg(value_name = "TEST", trailing_var_arg = true)]
-        filters: Vec<String>,
-    },
-    /// Builds an image and runs it in real time, until Ctrl-C, with an ECU on every port that has an engine, and the log on
-    /// the terminal.
-    #[command(name = "emu-run")]
-    Run {
-        /// The board.
-        #[arg(value_parser = PossibleValuesParser::new(BOARDS.map(|board| board.name)))]
-        board: String,
-        /// The image: demo commands the engines, ardupilot-bootloader is linked behind a bootloader, selftest reports on the
-        /// board after 7 s.
-        #[arg(long, default_value = RELEASE, value_parser = PossibleValuesParser::new(Image::ALL.map(name)))]
-        image: String,
-        /// TCP port of the telemetry UART on this machine. Not 5760: ArduPilot's simulator listens there.
-        #[arg(long, value_name = "PORT", default_value_t = 5790, value_parser = clap::value_parser!(u16).range(1..))]
-        tcp: u16,
-    },
-    /// Records what four named runs send on each port, as a text file for each run in a folder.
-    #[command(name = "emu-record")]
-    Record {
-        /// The folder. It is created if it does not exist.
-        #[arg(value_name = "DIR")]
-        folder: PathBuf,
-    },
-    /// Plays the four runs again and compares them with a folder. Fails at another byte or order, or a shift above 100 µs.
-    #[command(name = "emu-compare")]
-    Compare {
-        /// The folder of `cargo emu-record`.
-        #[arg(value_name = "DIR")]
-        folder: PathBuf,
-    },
-    /// Builds all images, and nothing else.
-    #[command(name = "build", hide = true)]
-    Build,
-}
-
-const RELEASE: &str = "release";
-
 /// The name of an image on the command line: its feature.
 fn name(image: Image) -> &'static str {
-    image.feature().unwrap_or(RELEASE)
+    image.feature().unwrap_or(commands::emu::RELEASE)
 }
 
 fn main() -> ExitCode {

@@ -1,8 +1,14 @@
 //! The emulator's own copy of the boards against the project's table in `boards/`: a mistake in one of them shows.
 
 use boards::Level;
-use emulation::BOARDS;
 use emulation::board::{Before, Part, Pin};
+use emulation::{BOARDS, Image};
+
+#[test]
+fn the_images_on_the_command_line_are_all() {
+    let names = Image::ALL.map(|image| image.feature().unwrap_or(commands::emu::RELEASE));
+    assert_eq!(names, commands::emu::IMAGES);
+}
 
 #[test]
 fn the_emulators_boards_equal_those_of_the_table() {

@@ -85,7 +85,7 @@ fn straight_lines(node: &Node<'_, '_>) -> Vec<((f64, f64), (f64, f64))> {
         .filter(|text| !text.is_empty())
         .map(|text| text.parse().unwrap_or_else(|_| panic!("{text}: {node:?}")))
         .collect();
-    let points: Vec<(f64, f64)> = numbers.chunks_exact(2).map(|xy| (xy[0], xy[1])).collect();
+    let points: Vec<(f64, f64)> = numbers.as_chunks().0.iter().map(|&[x, y]| (x, y)).collect();
     points.windows(2).map(|two| (two[0], two[1])).collect()
 }
 
