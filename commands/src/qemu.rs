@@ -5,7 +5,11 @@ use clap::{Parser, Subcommand};
 
 /// Arguments of the program.
 #[derive(Parser, Debug)]
-#[command(name = "cargo qemu", about = "Runs the firmware in QEMU, with simulated ECUs on its UARTs")]
+#[command(
+    name = "cargo qemu",
+    bin_name = "cargo qemu",
+    about = "Runs the firmware in QEMU, with simulated ECUs on its UARTs"
+)]
 pub struct Arguments {
     /// Program of QEMU.
     #[arg(long, default_value = "qemu-system-arm", global = true)]

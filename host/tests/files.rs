@@ -121,6 +121,27 @@ fn an_option_cannot_name_a_file_of_the_capture() {
     }
 }
 
+/// What it names does not exist, so nothing says which file is meant.
+#[test]
+#[cfg(unix)]
+fn a_link_that_leads_nowhere_is_refused_by_name() {
+    let folder = folder("dangling");
+    for (option, name) in [("--csv", "a.csv"), ("--plot", "a.svg"), ("--report", "a.html")] {
+        let link = folder.join(name);
+        std::os::unix::fs::symlink("not-there", &link).unwrap();
+        let error = refused(&rig(&["--fast", "--standby", option, link.to_str().unwrap()]), 1);
+        let expected =
+            format!("cannot write {}: it is a link to not-there, which does not exist", link.display());
+        assert!(error.contains(&expected), "{error}");
+        assert!(link.is_symlink() && !folder.join("not-there").exists());
+        // A link to a file is followed.
+        fs::write(folder.join("not-there"), "").unwrap();
+        assert_eq!(rig(&["--fast", "--standby", option, link.to_str().unwrap()]).status.code(), Some(0));
+        assert!(link.is_symlink() && !fs::read(folder.join("not-there")).unwrap().is_empty());
+        fs::remove_file(folder.join("not-there")).unwrap();
+    }
+}
+
 #[test]
 fn the_command_that_plays_a_run_again_is_quoted_for_a_shell() {
     let folder = folder("a folder with spaces");

@@ -40,7 +40,7 @@ fn the_default_engines_reach_their_targets() {
     assert!(text.contains("PASS: all engines reached their targets and are shut down."), "{text}");
     for name in ["left", "right", "centre", "booster"] {
         for stage in ["start", "idle", "steps", "cooling", "done"] {
-            let line = format!("{name:<12}  -> {stage}");
+            let line = format!("{name:<12}  progress: {stage}");
             assert!(text.contains(&line), "{line}\n{text}");
         }
     }

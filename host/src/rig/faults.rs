@@ -143,8 +143,8 @@ impl Faults {
             "lose" => self.line.lose_per_million = share(value)?,
             "add" => self.line.add_per_million = share(value)?,
             "framing" => self.line.framing_per_million = share(value)?,
-            "jitter" => self.line.jitter_ns = nanos(value)?,
-            "delay" => self.line.delay_ns = nanos(value)?,
+            "jitter" => self.line.jitter_ns = nanos("jitter", value)?,
+            "delay" => self.line.delay_ns = nanos("delay", value)?,
             "from" => self.from = duration(value)?,
             "until" => self.until = Some(duration(value)?),
             "cut" => {
@@ -215,8 +215,13 @@ fn given_once(text: &str) -> Result<(), String> {
     Ok(())
 }
 
-fn nanos(text: &str) -> Result<u64, String> {
-    Ok(duration(text)?.as_micros() * 1000)
+/// A time of milliseconds or seconds, which names its unit: elsewhere a number alone means seconds.
+fn nanos(fault: &str, text: &str) -> Result<u64, String> {
+    let time = duration(text)?;
+    if text.ends_with(|c: char| c.is_ascii_digit()) {
+        return Err(format!("{fault}={text} has no unit, write for example {fault}={text}ms"));
+    }
+    Ok(time.as_micros() * 1000)
 }
 
 fn cut_form(value: &str) -> String {
@@ -328,6 +333,8 @@ mod tests {
             ("loud", "`loud`"),
             ("noise=2", "invalid share"),
             ("jitter=soon", "invalid duration"),
+            ("jitter=3", "jitter=3 has no unit, write for example jitter=3ms"),
+            ("delay=2", "delay=2 has no unit, write for example delay=2ms"),
             ("rain=0.1", "no fault `rain`"),
             ("cut=left", "ENGINE@TIME+LENGTH"),
             ("cut=tail@1s+1s", "no engine `tail`"),

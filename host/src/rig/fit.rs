@@ -34,16 +34,40 @@ pub fn listed(head: &str, names: &[String], width: usize, mark: char) -> String 
     first_that_fits(&texts, width, mark)
 }
 
+/// Units that stand behind a number, after a space.
+const UNITS: [&str; 19] = [
+    "%", "°C", "°C/s", "C", "rpm", "rpm/s", "s", "ms", "µs", "us", "mV", "V", "mA", "A", "Pa", "g", "Hz",
+    "L", "L/min",
+];
+
+/// The words of a text, each with the spaces behind it. A number is one word with its unit, and with its groups of digits.
+fn words(text: &str) -> Vec<String> {
+    let mut words: Vec<String> = Vec::new();
+    for word in text.split_inclusive(' ') {
+        let bare = word.trim_matches(|c: char| c == ' ' || (c.is_ascii_punctuation() && c != '%'));
+        let is_group = bare.len() == 3 && bare.bytes().all(|byte| byte.is_ascii_digit());
+        let of_number = words.last().is_some_and(|last| {
+            // One space, and a digit before it.
+            last.strip_suffix(' ').is_some_and(|last| last.ends_with(|c: char| c.is_ascii_digit()))
+        });
+        match words.last_mut() {
+            Some(last) if of_number && (is_group || UNITS.contains(&bare)) => last.push_str(word),
+            _ => words.push(word.to_owned()),
+        }
+    }
+    words
+}
+
 /// The text in lines of at most this width, broken between words. All but the first begin with `indent` spaces.
 pub fn wrapped(text: &str, width: usize, indent: usize, mark: char) -> Vec<String> {
     let mut lines = vec![String::new()];
     // The spaces at the beginning and between columns are kept.
-    for word in text.split_inclusive(' ') {
+    for word in words(text) {
         let Some(line) = lines.last_mut() else { break };
         if line.chars().count() + word.trim_end().chars().count() > width && !line.trim().is_empty() {
             lines.push(format!("{:indent$}{word}", ""));
         } else {
-            line.push_str(word);
+            line.push_str(&word);
         }
     }
     lines.into_iter().map(|line| elided(line.trim_end(), width, mark)).collect()
@@ -108,5 +132,19 @@ mod tests {
         assert_eq!(wrapped(text, 80, 14, '…'), [text]);
         let lines = wrapped(text, 30, 14, '…');
         assert_eq!(lines, ["  12.0  left  command from", "              bench rejected"]);
+    }
+
+    #[test]
+    fn a_number_stays_with_its_unit_and_in_one_piece() {
+        for (text, width, expected) in [
+            ("limit of the exhaust 100 °C now", 25, ["limit of the exhaust", "100 °C now"]),
+            ("the demand rises at 50.0 % a second", 25, ["the demand rises at", "50.0 % a second"]),
+            ("reported by its ECU: 12 345 rpm", 23, ["reported by its ECU:", "12 345 rpm"]),
+            ("within 30 engines", 10, ["within 30", "engines"]),
+        ] {
+            assert_eq!(wrapped(text, width, 0, '…'), expected);
+        }
+        // Longer than a line.
+        assert_eq!(wrapped("12 345 678 rpm", 8, 0, '…'), ["12 345…"]);
     }
 }

@@ -179,4 +179,35 @@ mod tests {
         let all: Vec<&Frame> = frames.last(10).collect();
         assert_eq!((all.len(), all[0].text.as_deref()), (1, None));
     }
+
+    /// Voltages have a scale that the version gives, which status 6 reports.
+    #[test]
+    fn the_text_of_each_zk_status_has_its_values() {
+        let engines = engines(&[]).unwrap();
+        let mut frames = Frames::new(&engines[2]);
+        // Of a capture (tests/golden/zk-version-5.hex).
+        let voltages = [0xF2, 0x39, 0x30, 0x32, 0x7B, 0x41, 0x3F];
+        let all = [
+            voltages,
+            [0xF6, 0x39, 0x30, 0xA0, 0x7B, 0x16, 0xDC],
+            voltages,
+            [0xF5, 0x39, 0x30, 0x7B, 0x28, 0x1E, 0xBD],
+            [0xF7, 0x39, 0x30, 0x2D, 0xED, 0x01, 0xEE],
+        ];
+        for (i, bytes) in all.iter().enumerate() {
+            frames.add(&entries(Direction::ToNode, i as Nanos * 100 * MILLIS, bytes));
+        }
+        let texts = frames.last(10).filter_map(|frame| frame.text.as_deref());
+        let texts: Vec<&str> = texts.filter_map(|text| text.strip_prefix("status ")).collect();
+        assert_eq!(
+            texts,
+            [
+                "2: 123450 rpm, voltages: their scale depends on the protocol version, not known yet",
+                "6: 123450 rpm, maximum 160000 rpm, protocol version 5",
+                "2: 123450 rpm, radio 10 V, power 24.6 V, pump 13 V",
+                "5: 123450 rpm, ignition pump 2.46 V, curve increase 40, decrease 30",
+                "7: 123450 rpm, flow 3.01 L/min, 12.3 L used",
+            ]
+        );
+    }
 }

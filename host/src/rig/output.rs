@@ -150,6 +150,10 @@ fn can_write(path: &Path) -> io::Result<()> {
         // To open a FIFO waits for its reader.
         Ok(_) => Ok(()),
         Err(error) if error.kind() == ErrorKind::NotFound => {
+            if let Ok(target) = fs::read_link(path) {
+                let text = format!("it is a link to {}, which does not exist", target.display());
+                return Err(io::Error::new(ErrorKind::NotFound, text));
+            }
             OpenOptions::new().write(true).create_new(true).open(path)?;
             fs::remove_file(path)
         }

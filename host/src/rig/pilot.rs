@@ -446,7 +446,7 @@ impl<'a> Pilot<'a> {
 
     fn stage(&self, stage: Stage) {
         if self.context.stage.replace(stage) != stage {
-            self.context.note(format!("-> {}", stage.name()));
+            self.context.note(format!("progress: {}", stage.name()));
         }
     }
 

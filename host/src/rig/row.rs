@@ -27,7 +27,7 @@ pub fn heads(names: &[&str]) -> String {
 }
 
 /// One engine in one line. `frames_per_second` is what came from the ECU lately.
-pub fn row(name: &str, names: &[&str], sample: &Sample, frames_per_second: f64) -> String {
+pub fn row(name: &str, names: &[&str], sample: &Sample, frames_per_second: Option<f64>) -> String {
     let dash = || "-".to_owned();
     let counters = &sample.counters;
     let timing = match (counters.worst_reply_margin, counters.worst_slot_delay) {
@@ -43,10 +43,9 @@ pub fn row(name: &str, names: &[&str], sample: &Sample, frames_per_second: f64) 
         if sample.silent { "silent".to_owned() } else { sample.input.to_string() },
         sample.wire_text(),
         // Of a line that is down, the rate would be of the time before.
-        if sample.link == LinkState::Up {
-            format!("up {frames_per_second:.0}/s")
-        } else {
-            sample.link_name().to_owned()
+        match frames_per_second {
+            Some(rate) if sample.link == LinkState::Up => format!("up {rate:.0}/s"),
+            _ => sample.link_name().to_owned(),
         },
         sample.in_control_text(),
         sample.stage.name().to_owned(),
@@ -128,11 +127,13 @@ mod tests {
         loud.counters.send_slots_missed = 1234;
         loud.counters.worst_slot_delay = Some(Duration::from_micros(12_345));
         let heads = heads(&names);
-        for line in [&heads, &row("booster", &names, &quiet, 0.0), &row("booster", &names, &loud, 100.0)] {
+        for line in
+            [&heads, &row("booster", &names, &quiet, None), &row("booster", &names, &loud, Some(100.0))]
+        {
             let ends = where_they_end(line);
             assert!(ends[5] <= 80 && ends[6] <= 100, "{ends:?}");
         }
-        let loud = row("booster", &names, &loud, 100.0);
+        let loud = row("booster", &names, &loud, Some(100.0));
         for cell in
             [" start: ignition… ", " 160010 ", " 1100 °C ", " 160000 rpm ", " 159960 rpm ", " up 100/s "]
         {
@@ -151,7 +152,47 @@ mod tests {
             on_wire: Some(WireCommand::Stop),
             ..Sample::take(&context, &node.telemetry(0), true)
         };
-        let row = row("left", &["left"], &sample, 8.0);
+        let row = row("left", &["left"], &sample, Some(8.0));
         assert!(row.contains("    60.0 %        STOP  "), "{row}");
+    }
+
+    #[test]
+    fn an_engine_that_still_turns_fast_runs_down() {
+        let engines = engines(&[]).unwrap();
+        let node = Node::new(&engines, false);
+        let notes = Notes::default();
+        let context = EngineContext::new(0, &engines[0], embassy_time::Instant::MIN, &notes);
+        let stopped =
+            Sample { does: EngineState::Stopped, ..Sample::take(&context, &node.telemetry(0), true) };
+        for (rpm, text) in [(None, "stopped"), (Some(0), "stopped"), (Some(70_800), "run-down")] {
+            assert_eq!(Sample { rpm, ..stopped }.does_text(), text);
+        }
+    }
+
+    /// No pilot commands then: what the node has of the source is shown.
+    #[test]
+    fn what_a_ground_station_commands_is_shown() {
+        let engines = engines(&[]).unwrap();
+        let node = Node::new(&engines, false);
+        let notes = Notes::default();
+        let context = EngineContext::new(0, &engines[0], embassy_time::Instant::MIN, &notes);
+        let mut telemetry = node.telemetry(0);
+        let demand = Demand::Throttle(Throttle::from_percent(40).unwrap());
+        telemetry.active_source = Origin::Mavlink;
+        telemetry.ordered.order = Order::Run(demand);
+        telemetry.commanded = Some(demand);
+        context.stage.set(Stage::Steps);
+        assert_eq!(Sample::take(&context, &telemetry, true).input, PilotInput::Standby);
+        context.stage.set(Stage::Commanded);
+        let sample = Sample::take(&context, &telemetry, true);
+        assert_eq!((sample.input, sample.silent), (PilotInput::Run(demand), false));
+        telemetry.loss = LossStage::Hold;
+        assert!(Sample::take(&context, &telemetry, true).silent);
+        telemetry.ordered.order = Order::Standby;
+        assert_eq!(Sample::take(&context, &telemetry, true).input, PilotInput::Standby);
+        // Radio control sets the input itself.
+        telemetry.active_source = Origin::Rc;
+        telemetry.ordered.order = Order::Run(demand);
+        assert_eq!(Sample::take(&context, &telemetry, true).input, PilotInput::Standby);
     }
 }

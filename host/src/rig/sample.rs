@@ -24,9 +24,25 @@ const FRESH: Duration = Duration::from_secs(2);
 /// Between two values of one kind, where all goes well: a ZK ECU at 20 Hz gives its EGT every 0.45 s.
 const NEW: Duration = Duration::from_millis(700);
 
+/// Below this speed, in rpm, a stopped engine is not said to run down.
+const AT_REST: u32 = 1000;
+
 /// Whether a value is young enough to be shown and judged by.
 pub fn is_fresh<T>(value: &Timed<T>, now: Instant) -> bool {
     value.age(now) <= FRESH
+}
+
+/// What the source commands, and whether it is silent: a pilot's own input, or, where MAVLink commands, what the node has of it.
+fn commanded(context: &EngineContext<'_>, telemetry: &Telemetry) -> (PilotInput, bool) {
+    let by_mavlink = context.stage.get() == Stage::Commanded && telemetry.active_source == Origin::Mavlink;
+    if !by_mavlink {
+        return (context.input.get(), context.silent.get());
+    }
+    let input = match (telemetry.commanded, telemetry.ordered.order) {
+        (Some(demand), Order::Run(_)) | (None, Order::Run(demand)) => PilotInput::Run(demand),
+        _ => PilotInput::Standby,
+    };
+    (input, telemetry.loss != LossStage::None)
 }
 
 /// One engine at one moment. Values that the ECU has not reported in the last seconds are `None`.
@@ -86,10 +102,11 @@ impl Sample {
         let report = &telemetry.report;
         let at = Instant::now();
         let old = |received: Instant| (!node_up || at > received + NEW).then_some(received);
+        let (input, silent) = commanded(context, telemetry);
         Self {
             stage: context.stage.get(),
-            input: context.input.get(),
-            silent: context.silent.get(),
+            input,
+            silent,
             node_up,
             link: if node_up { telemetry.link } else { LinkState::Silent },
             does: telemetry.state,
@@ -126,9 +143,11 @@ impl Sample {
         self.input.rpm().filter(|_| !self.silent)
     }
 
-    /// What the engine does; while it starts, with the step as the ECU names it.
+    /// What the engine does; while it starts, with the step as the ECU names it. An engine that was stopped at speed runs down
+    /// before it stands.
     pub fn does_text(&self) -> String {
         match self.does {
+            EngineState::Stopped if self.rpm.is_some_and(|rpm| rpm > AT_REST) => "run-down".to_owned(),
             EngineState::Starting(step) => format!("start: {}", step.name),
             other => other.name().to_owned(),
         }

@@ -53,7 +53,11 @@ impl Telemetry for Zk {
     }
 
     fn feed(&mut self, bytes: &[u8]) -> (usize, Option<Self::Frame>) {
-        self.decoder.feed(bytes)
+        let (taken, frame) = self.decoder.feed(bytes);
+        if let Some(zk::Status::Identity { version, .. }) = frame.as_ref().map(zk::StatusFrame::status) {
+            self.version = Some(version);
+        }
+        (taken, frame)
     }
 
     fn text(&self, frame: &Self::Frame) -> String {
@@ -69,16 +73,29 @@ impl Telemetry for Zk {
             zk::Status::Throttle { percent, pressure } => {
                 format!("throttle {percent} %, {} Pa", pressure.get())
             }
-            zk::Status::Voltages { .. } => "voltages".to_owned(),
+            zk::Status::Voltages { radio, power, pump } => {
+                let volts = |byte| zk_volts(byte, self.version);
+                match (volts(radio), volts(power), volts(pump)) {
+                    (Some(radio), Some(power), Some(pump)) => {
+                        format!("radio {radio} V, power {power} V, pump {pump} V")
+                    }
+                    _ => "voltages: their scale depends on the protocol version, not known yet".to_owned(),
+                }
+            }
             zk::Status::Load { current, thrust } => {
                 let thrust = self.since(thrust).map(|thrust| format!(", thrust {} g", thrust.get()));
                 format!("{} mA{}", current.get(), thrust.unwrap_or_default())
             }
-            zk::Status::Settings { .. } => "settings".to_owned(),
+            zk::Status::Settings { ignition_pump, increase, decrease } => format!(
+                "ignition pump {} V, curve increase {increase}, decrease {decrease}",
+                thousandths(ignition_pump.get())
+            ),
             zk::Status::Identity { max_rpm, version, .. } => {
                 format!("maximum {} rpm, protocol version {}", max_rpm.get(), version.get())
             }
-            zk::Status::Fuel { .. } => "fuel".to_owned(),
+            zk::Status::Fuel { flow, total } => {
+                format!("flow {} L/min, {} L used", thousandths(flow.get()), thousandths(total.get()))
+            }
             zk::Status::Idle { idle_rpm, .. } => format!("idle {} rpm", idle_rpm.get()),
             zk::Status::Temperature { ecu } => format!("ECU {} °C", ecu.tenths() / 10),
             zk::Status::Unknown => "unknown".to_owned(),
@@ -119,7 +136,6 @@ impl Telemetry for Zk {
                 record.field("curve_decrease", decrease);
             }
             zk::Status::Identity { max_rpm, max_pump, version, rate } => {
-                self.version = Some(version);
                 record.field("max_rpm", max_rpm.get());
                 record.field("max_pump_v", zk_volts(max_pump, Some(version)));
                 record.field("protocol_version", version.get());

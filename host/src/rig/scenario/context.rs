@@ -318,7 +318,7 @@ impl<'a> ScenarioContext<'a> {
     pub fn stage(&self, engine: usize, stage: Stage) {
         let context = &self.contexts[engine];
         if context.stage.replace(stage) != stage {
-            context.note(format!("-> {}", stage.name()));
+            context.note(format!("progress: {}", stage.name()));
         }
     }
 

@@ -3,6 +3,7 @@
 use super::super::context::Note;
 use super::super::engines::{ALL, Engine};
 use super::super::frames::Frames;
+use super::super::lines::Rates;
 use super::super::message::Message;
 use super::super::outcome::Outcomes;
 use super::super::passing::Passing;
@@ -20,8 +21,6 @@ use std::collections::VecDeque;
 
 /// Events that are kept to be printed at the end.
 const EVENTS_KEPT: usize = 2000;
-/// Over which frames a second are counted.
-const RATE_SPAN: Duration = Duration::from_secs(2);
 
 /// What is known of an engine before the run.
 #[derive(Debug)]
@@ -118,7 +117,7 @@ pub struct Model {
     /// More of each.
     pub details: Vec<Detail>,
     /// Frames a second of each.
-    pub rates: Vec<f64>,
+    pub rates: Rates,
     /// What was seen over time.
     pub record: Record,
     /// What was on each line.
@@ -149,7 +148,6 @@ pub struct Model {
     pub verdict: Option<Verdict>,
     /// Where each engine was drawn, for the mouse.
     pub places: RefCell<Vec<(Rect, usize)>>,
-    before: Option<(Instant, Vec<u32>)>,
 }
 
 impl Model {
@@ -172,7 +170,7 @@ impl Model {
             at: Instant::MIN,
             samples: Vec::new(),
             details: Vec::new(),
-            rates: vec![0.0; engines.len()],
+            rates: Rates::default(),
             record: Record::new(engines.len()),
             frames: engines.iter().map(Frames::new).collect(),
             events: VecDeque::new(),
@@ -188,7 +186,6 @@ impl Model {
             transmitter: false,
             verdict: None,
             places: RefCell::default(),
-            before: None,
         }
     }
 
@@ -233,11 +230,7 @@ impl Model {
         for (frames, detail) in self.frames.iter_mut().zip(&details) {
             frames.add(&detail.entries);
         }
-        if self.before.as_ref().is_none_or(|(since, _)| at >= *since + RATE_SPAN) {
-            let frames: Vec<u32> = samples.iter().map(|sample| sample.counters.frames).collect();
-            self.rates = super::super::lines::frame_rates(&self.before, at, &frames);
-            self.before = Some((at, frames));
-        }
+        self.rates.count(at, &samples);
         self.samples = samples;
         self.details = details;
     }

@@ -7,6 +7,7 @@ use super::super::sample::Sample;
 use super::model::{Model, Subject};
 use super::rows;
 use super::theme::{Theme, Tone};
+use jetlink::report::LinkState;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::text::{Line, Span};
@@ -99,9 +100,14 @@ fn texts(
     width: usize,
 ) -> Vec<Line<'static>> {
     let styled = |text: String, tone| Span::styled(theme.cut(&text, width), theme.style(tone));
-    let line = |text: String, tone| Line::from(styled(text, tone));
+    // Where there are no colours a mark stands for what is wrong.
+    let sign = |text: &str, tone| match theme.sign(tone) {
+        Some(sign) if tone != Tone::Quiet => format!("{text}{sign}"),
+        _ => text.to_owned(),
+    };
+    let line = |text: String, tone| Line::from(styled(sign(&text, tone), tone));
     let first = |texts: &[String], tone| {
-        let texts: Vec<String> = texts.iter().map(|text| theme.text(text)).collect();
+        let texts: Vec<String> = texts.iter().map(|text| theme.text(&sign(text, tone))).collect();
         Line::from(Span::styled(first_that_fits(&texts, width, theme.mark()), theme.style(tone)))
     };
     let list = |head: &str, names: &[String]| listed(head, names, width, theme.mark());
@@ -113,14 +119,16 @@ fn texts(
         } else {
             theme.gauge(bar, value.unwrap_or(0.0) / full, limit.map(|limit| limit / full))
         };
-        let text = format!("{name:<4} {:>9} ", theme.text(&shown));
+        let mark = theme.sign(tone).unwrap_or(' ');
+        let text = format!("{name:<4} {:>9}{mark}", theme.text(&shown));
         let text_tone = if tone == Tone::Quiet { tone } else { Tone::Plain };
         Line::from(vec![Span::styled(text, theme.style(text_tone)), Span::styled(bar, theme.style(tone))])
     };
     let hot = subject.egt_limit.zip(sample.egt).is_some_and(|(limit, egt)| egt > limit);
     let egt_full = subject.egt_limit.map_or(900.0, |limit| limit * 1.1);
     let counters = &sample.counters;
-    let rate = model.rates.get(engine).copied().unwrap_or_default();
+    let rate = model.rates.of(engine).filter(|_| sample.link == LinkState::Up);
+    let rate = rate.map_or_else(String::new, |rate| format!(" {rate:.0}/s"));
     let timing = match (counters.worst_reply_margin, counters.worst_slot_delay) {
         (Some(margin), _) => format!("worst reply margin {}", millis(margin)),
         (None, Some(delay)) => format!("worst slot delay {}", millis(delay)),
@@ -138,9 +146,9 @@ fn texts(
     let name = sample.link_name();
     let few = if errors < 10_000 { errors.to_string() } else { format!("{}k", errors / 1000) };
     let link = [
-        format!("link {name} {rate:.0}/s, {errors} errors, {missed} missed"),
-        format!("{name} {rate:.0}/s, {few} err, {missed} missed"),
-        format!("{name} {rate:.0}/s {few} err {missed} miss"),
+        format!("link {name}{rate}, {errors} errors, {missed} missed"),
+        format!("{name}{rate}, {few} err, {missed} missed"),
+        format!("{name}{rate} {few} err {missed} miss"),
     ];
     let by_hand = model.details.get(engine).filter(|detail| !detail.faults.is_empty());
     let last = match (faults, by_hand) {

@@ -3,7 +3,7 @@
 use super::super::fit::first_that_fits;
 use super::super::sample::Sample;
 use super::model::Model;
-use super::theme::{Theme, Tone};
+use super::theme::{OLD, Theme, Tone};
 use embassy_time::Instant;
 use jetlink::command::{Order, Origin};
 use jetlink::engine::state::EngineState;
@@ -64,7 +64,7 @@ pub fn height(model: &Model) -> u16 {
 /// Draws it.
 pub fn draw(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
     let widths = widths(model, area.width);
-    let heads = COLUMNS.iter().zip(&widths).map(|(&(head, _), &width)| aligned(head, head, width));
+    let heads = COLUMNS.iter().zip(&widths).map(|(&(head, _), &width)| aligned(head, head, width, ' '));
     let heads = heads.collect::<String>();
     let line = Line::from(Span::styled(format!("  {}", heads.trim_end()), theme.style(Tone::Head)));
     let mut place = Rect { height: 1, ..area };
@@ -79,23 +79,30 @@ pub fn draw(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
     }
 }
 
-fn aligned(head: &str, text: &str, width: usize) -> String {
-    if matches!(head, "rpm" | "EGT" | "commanded" | "sent") {
-        format!("{text:>width$} ")
+fn is_number(head: &str) -> bool {
+    matches!(head, "rpm" | "EGT" | "commanded" | "sent")
+}
+
+/// A cell, with a mark behind its text or a space.
+fn aligned(head: &str, text: &str, width: usize, mark: char) -> String {
+    if is_number(head) {
+        format!("{text:>width$}{mark}")
     } else {
-        format!("{text:<width$} ")
+        format!("{:<1$}", format!("{text}{mark}"), width + 1)
     }
 }
 
 fn row(model: &Model, theme: Theme, engine: usize, sample: &Sample, widths: &[usize]) -> Line<'static> {
     let dash = || "-".to_owned();
-    let width = |column: usize| widths.get(column).copied().unwrap_or_default();
-    let rate = model.rates.get(engine).copied().unwrap_or_default();
-    let link = if sample.link == LinkState::Up {
-        let texts = [format!("up {rate:.0}/s"), format!("{rate:.0}/s")];
-        first_that_fits(&texts, width(6), theme.mark())
-    } else {
-        sample.link_name().to_owned()
+    // Without colours the last letter may be a mark.
+    let marks = usize::from(!theme.colours);
+    let width = |column: usize| widths.get(column).copied().unwrap_or_default().saturating_sub(marks);
+    let link = match model.rates.of(engine) {
+        Some(rate) if sample.link == LinkState::Up => {
+            let texts = [format!("up {rate:.0}/s"), format!("{rate:.0}/s")];
+            first_that_fits(&texts, width(6), theme.mark())
+        }
+        _ => sample.link_name().to_owned(),
     };
     let source_text = first_that_fits(&[sample.in_control_text(), brief(sample)], width(7), theme.mark());
     let cells = [
@@ -111,8 +118,10 @@ fn row(model: &Model, theme: Theme, engine: usize, sample: &Sample, widths: &[us
     let mark = if engine == model.selected { "> " } else { "  " };
     let mut spans = vec![Span::styled(mark, theme.style(Tone::Head))];
     for (((text, tone), (head, _)), &width) in cells.into_iter().zip(COLUMNS).zip(widths) {
-        let text = theme.cut(&text, width);
-        spans.push(Span::styled(aligned(head, &text, width), theme.style(tone)));
+        let is_number = is_number(head);
+        let mark = theme.sign(tone).filter(|sign| *sign != OLD || is_number).unwrap_or(' ');
+        let text = theme.cut(&text, if is_number || mark == ' ' { width } else { width.saturating_sub(1) });
+        spans.push(Span::styled(aligned(head, &text, width, mark), theme.style(tone)));
     }
     Line::from(spans)
 }

@@ -24,6 +24,9 @@ use std::cell::RefCell;
 /// As a colour terminal with UTF-8.
 pub const COLOUR: Theme = Theme { colours: true, ascii: false };
 
+/// The same without colours.
+const PLAIN: Theme = Theme { colours: false, ..COLOUR };
+
 #[derive(Parser)]
 pub struct Cli {
     #[command(flatten)]
@@ -409,11 +412,52 @@ fn colours_are_by_state_and_can_be_left_out() {
         colours
     };
     assert!(colours(COLOUR).is_superset(&[Color::Green, Color::Cyan].into()));
-    assert_eq!(colours(Theme { colours: false, ..COLOUR }), [Color::Reset].into());
+    assert_eq!(colours(PLAIN), [Color::Reset].into());
     // The selected engine is still seen.
-    let plain = buffer(&played.model, Theme { colours: false, ..COLOUR }, 80, 24);
+    let plain = buffer(&played.model, PLAIN, 80, 24);
     let reversed = plain.content.iter().any(|cell| cell.modifier.contains(Modifier::REVERSED));
     assert!(reversed);
+}
+
+/// What is wrong or needs a look is marked where there are no colours, and only there.
+#[test]
+fn without_colours_a_mark_shows_what_is_wrong() {
+    for (name, key, marks) in [("quiet", '?', 0), ("held", 's', 2), ("stopped", ' ', 2)] {
+        let keys = match key {
+            's' => vec![(50.0, char('f')), (50.1, char('s')), (50.2, press(KeyCode::Esc))],
+            ' ' => vec![(50.0, char(' '))],
+            _ => vec![],
+        };
+        let played = pair(51.5, &keys, name);
+        let row = |theme| {
+            let screen = text(&buffer(&played.model, theme, 80, 24));
+            screen
+                .lines()
+                .find(|line| line.starts_with("> left"))
+                .unwrap_or_else(|| panic!("{screen}"))
+                .to_owned()
+        };
+        assert_eq!(row(PLAIN).matches('!').count(), marks, "{name}: {}", row(PLAIN));
+        assert_eq!(row(COLOUR).matches('!').count(), 0, "{name}: {}", row(COLOUR));
+    }
+}
+
+/// It takes a while until there are enough frames to count.
+#[test]
+fn no_rate_of_frames_is_shown_before_it_is_known() {
+    let mut seen = Vec::new();
+    for tenths in 1..80 {
+        let played = pair(f64::from(tenths) / 10.0, &[], "rates");
+        let screen = text(&buffer(&played.model, COLOUR, 80, 24));
+        let heads = screen.lines().find(|line| line.starts_with("  engine")).expect("heads");
+        let row = screen.lines().find(|line| line.starts_with("> left")).expect("a row");
+        let link: String = row.chars().skip(heads.find("link").unwrap_or_default()).take(7).collect();
+        let link = link.trim().to_owned();
+        if link.starts_with("up") && seen.last() != Some(&link) {
+            seen.push(link);
+        }
+    }
+    assert_eq!(seen, ["up", "up 8/s"]);
 }
 
 /// From the moment on when newer ones were to be expected, until they are not shown any more.
@@ -433,6 +477,11 @@ fn values_that_are_not_new_are_grey() {
                 let x = line[..at].chars().count() as u16;
                 let grey = buffer[(x, y as u16)].fg == Color::DarkGray;
                 assert_eq!(grey, old, "{value} at {end} s, {width} × {height}:\n{screen}");
+                // A terminal without colours may have no grey either.
+                let plain = text(&self::buffer(&played.model, PLAIN, width, height));
+                let behind =
+                    plain.lines().nth(y).and_then(|line| line.split_once(&value)).expect("the value").1;
+                assert_eq!(behind.starts_with('?'), old, "{plain}");
                 found += 1;
             }
             assert_eq!(found, places, "{value} at {end} s:\n{screen}");

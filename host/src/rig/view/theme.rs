@@ -13,6 +13,9 @@ pub struct Theme {
     pub ascii: bool,
 }
 
+/// Behind a value that is old, where there are no colours.
+pub const OLD: char = '?';
+
 /// What a text is about, which gives its colour.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Tone {
@@ -70,6 +73,16 @@ impl Theme {
             Tone::Head => plain.add_modifier(Modifier::BOLD),
             Tone::Plain => plain,
             Tone::Selected => plain.add_modifier(Modifier::REVERSED),
+        }
+    }
+
+    /// What stands behind a text where no colour shows what it is about: that it needs a look, or that a value is old.
+    pub const fn sign(self, tone: Tone) -> Option<char> {
+        match tone {
+            _ if self.colours => None,
+            Tone::Bad | Tone::Warn => Some('!'),
+            Tone::Quiet => Some(OLD),
+            Tone::Good | Tone::Busy | Tone::Plain | Tone::Head | Tone::Selected => None,
         }
     }
 
