@@ -148,6 +148,7 @@ impl Sample {
     pub fn does_text(&self) -> String {
         match self.does {
             EngineState::Stopped if self.rpm.is_some_and(|rpm| rpm > AT_REST) => "run-down".to_owned(),
+            EngineState::Starting(step) if step.name == self.does.name() => step.name.to_owned(),
             EngineState::Starting(step) => format!("start: {}", step.name),
             other => other.name().to_owned(),
         }

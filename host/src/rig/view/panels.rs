@@ -119,7 +119,7 @@ fn texts(
         } else {
             theme.gauge(bar, value.unwrap_or(0.0) / full, limit.map(|limit| limit / full))
         };
-        let mark = theme.sign(tone).unwrap_or(' ');
+        let mark = theme.sign(tone).filter(|_| value.is_some()).unwrap_or(' ');
         let text = format!("{name:<4} {:>9}{mark}", theme.text(&shown));
         let text_tone = if tone == Tone::Quiet { tone } else { Tone::Plain };
         Line::from(vec![Span::styled(text, theme.style(text_tone)), Span::styled(bar, theme.style(tone))])

@@ -94,9 +94,7 @@ fn aligned(head: &str, text: &str, width: usize, mark: char) -> String {
 
 fn row(model: &Model, theme: Theme, engine: usize, sample: &Sample, widths: &[usize]) -> Line<'static> {
     let dash = || "-".to_owned();
-    // Without colours the last letter may be a mark.
-    let marks = usize::from(!theme.colours);
-    let width = |column: usize| widths.get(column).copied().unwrap_or_default().saturating_sub(marks);
+    let width = |column: usize| widths.get(column).copied().unwrap_or_default();
     let link = match model.rates.of(engine) {
         Some(rate) if sample.link == LinkState::Up => {
             let texts = [format!("up {rate:.0}/s"), format!("{rate:.0}/s")];
@@ -104,10 +102,14 @@ fn row(model: &Model, theme: Theme, engine: usize, sample: &Sample, widths: &[us
         }
         _ => sample.link_name().to_owned(),
     };
-    let source_text = first_that_fits(&[sample.in_control_text(), brief(sample)], width(7), theme.mark());
+    // Where a mark stands for a colour it takes a letter.
+    let room = width(7).saturating_sub(usize::from(theme.sign(source(sample)).is_some()));
+    let source_text = first_that_fits(&[sample.in_control_text(), brief(sample)], room, theme.mark());
+    // The word for all steps of a start, where that of the step has no room.
+    let does = first_that_fits(&[sample.does_text(), sample.does.name().to_owned()], width(1), theme.mark());
     let cells = [
         (model.name(engine).to_owned(), if engine == model.selected { Tone::Selected } else { Tone::Plain }),
-        (sample.does_text(), state(sample)),
+        (does, state(sample)),
         (sample.rpm.map_or_else(dash, |rpm| rpm.to_string()), unless_old(Tone::Plain, sample.rpm_old)),
         (sample.egt.map_or_else(dash, |egt| format!("{egt:.0} °C")), unless_old(Tone::Plain, sample.egt_old)),
         (commanded(sample), if sample.silent { Tone::Warn } else { Tone::Plain }),
@@ -119,7 +121,8 @@ fn row(model: &Model, theme: Theme, engine: usize, sample: &Sample, widths: &[us
     let mut spans = vec![Span::styled(mark, theme.style(Tone::Head))];
     for (((text, tone), (head, _)), &width) in cells.into_iter().zip(COLUMNS).zip(widths) {
         let is_number = is_number(head);
-        let mark = theme.sign(tone).filter(|sign| *sign != OLD || is_number).unwrap_or(' ');
+        let is_old = is_number && text != "-";
+        let mark = theme.sign(tone).filter(|sign| *sign != OLD || is_old).unwrap_or(' ');
         let text = theme.cut(&text, if is_number || mark == ' ' { width } else { width.saturating_sub(1) });
         spans.push(Span::styled(aligned(head, &text, width, mark), theme.style(tone)));
     }

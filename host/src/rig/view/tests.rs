@@ -442,6 +442,41 @@ fn without_colours_a_mark_shows_what_is_wrong() {
     }
 }
 
+/// A value that is not there has no mark, and a mark takes no letter from a text without one.
+#[test]
+fn a_mark_stands_only_behind_a_value_that_is_there() {
+    let cut = [(50.0, char('f')), (50.1, char('c'))];
+    for (end, theme, value) in [(51.5, PLAIN, "?"), (55.0, PLAIN, " -  "), (55.0, COLOUR, " -  ")] {
+        let played = pair(end, &cut, "marks");
+        let screen = text(&buffer(&played.model, theme, 80, 24));
+        let row = |name: &str| screen.lines().find(|line| line.starts_with(name)).expect("a row");
+        assert!(row("> left").contains(value) && !screen.contains("-?"), "{screen}");
+        assert!(row("  right").contains(" up 20/s"), "{screen}");
+    }
+}
+
+/// What was last seen of a line that is dead is not what is on it.
+#[test]
+fn the_reply_window_of_a_silent_ecu_is_empty() {
+    let keys = [(50.0, char('v')), (50.1, char('f')), (50.2, char('c')), (50.3, press(KeyCode::Esc))];
+    for (end, expected) in [(50.1, " ms left"), (53.0, "reply window: nothing received for 2.")] {
+        let played = pair(end, &keys, "silent-window");
+        let screen = text(&buffer(&played.model, COLOUR, 120, 30));
+        assert!(screen.contains(expected), "{screen}");
+        let bar = screen.lines().find(|line| line.contains('[')).expect("a bar");
+        assert_eq!(bar.contains('█'), end < 51.0, "{screen}");
+    }
+}
+
+/// A word that says less, in place of the beginning of one that says more.
+#[test]
+fn a_start_is_named_where_its_step_has_no_room() {
+    let played = pair(10.0, &[], "starting");
+    let screen = text(&buffer(&played.model, COLOUR, 80, 24));
+    let row = screen.lines().find(|line| line.starts_with("> left")).expect("a row");
+    assert!(row.contains("starting") && !row.contains('…'), "{row}");
+}
+
 /// It takes a while until there are enough frames to count.
 #[test]
 fn no_rate_of_frames_is_shown_before_it_is_known() {

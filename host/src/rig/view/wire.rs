@@ -2,8 +2,10 @@
 
 use super::super::fit::wrapped;
 use super::super::frames::{Frame as WireFrame, last_window};
+use super::super::quantity::seconds;
 use super::model::Model;
 use super::theme::{Theme, Tone};
+use embassy_time::Instant;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::text::{Line, Span};
@@ -15,6 +17,9 @@ use sim::wire::Direction;
 const INDENT: usize = 24;
 /// Reply window of an AMT ECU.
 const WINDOW: Nanos = 30 * MILLIS;
+
+/// An ECU that has not been received for so long, in seconds, is silent.
+const SILENT: f64 = 0.5;
 
 /// Draws it.
 pub fn draw(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
@@ -35,7 +40,8 @@ pub fn draw(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
             .areas(inside);
     let last: Vec<&WireFrame> = frames.last(usize::from(list.height).saturating_sub(1).max(8)).collect();
     if has_window {
-        frame.render_widget(Paragraph::new(window_lines(theme, &last, usize::from(window.width))), window);
+        let lines = window_lines(theme, &last, model.at, usize::from(window.width));
+        frame.render_widget(Paragraph::new(lines), window);
     }
     let head = format!("{:>15}  {:<5}  {:<24}  content", "time in µs", "from", "bytes");
     let mut lines = vec![Line::from(Span::styled(theme.text(&head), theme.style(Tone::Head)))];
@@ -71,15 +77,20 @@ fn of_frame(theme: Theme, frame: &WireFrame, width: usize) -> Vec<Line<'static>>
     lines.into_iter().map(|line| Line::from(Span::styled(line, theme.style(tone)))).collect()
 }
 
-/// The window as a bar of 30 ms with the reply in it.
-fn window_lines(theme: Theme, frames: &[&WireFrame], width: usize) -> Vec<Line<'static>> {
+/// The window as a bar of 30 ms with the reply in it, as long as the ECU is received.
+fn window_lines(theme: Theme, frames: &[&WireFrame], now: Instant, width: usize) -> Vec<Line<'static>> {
     let styled = |text: String, tone| Line::from(Span::styled(theme.text(&text), theme.style(tone)));
     let window = last_window(frames);
+    let last = frames.iter().rfind(|frame| frame.direction == Direction::ToNode && frame.text.is_some());
+    let silent = last
+        .map(|frame| seconds(now - Instant::MIN) - frame.to as f64 / 1e9)
+        .filter(|silent| *silent > SILENT);
     let bar = width.saturating_sub(2).min(60);
-    let (text, tone, cells) = match window {
-        None => ("no frame of the ECU yet".to_owned(), Tone::Quiet, None),
-        Some(None) => ("no reply to the last frame".to_owned(), Tone::Bad, None),
-        Some(Some((from, to))) => {
+    let (text, tone, cells) = match (window, silent) {
+        (_, Some(silent)) => (format!("nothing received for {silent:.1} s"), Tone::Bad, None),
+        (None, _) => ("no frame of the ECU yet".to_owned(), Tone::Quiet, None),
+        (Some(None), _) => ("no reply to the last frame".to_owned(), Tone::Bad, None),
+        (Some(Some((from, to))), _) => {
             let ms = |at: Nanos| at as f64 / 1e6;
             let left = ms(WINDOW) - ms(to);
             let tone = if to > WINDOW { Tone::Bad } else { Tone::Good };
