@@ -340,6 +340,32 @@ fn a_hanging_transmitter_does_not_stall_reception() {
     });
 }
 
+/// AMT-11: a reply that waits for what hung in the transmitter goes out in its window or not at all. The transmitter works again at any
+/// time between two frames.
+#[test]
+fn amt_11_a_reply_behind_a_transmitter_that_hung_does_not_go_out_after_its_window() {
+    let mut too_late = 0;
+    for offset in (0..125).step_by(5) {
+        let bench = bench(2400, 13);
+        let mut events = bench.handle().events().expect("a free place");
+        bench.play(LONG, async {
+            bench.until(|bench| bench.handle().telemetry().link == LinkState::Up).await;
+            bench.plug.stall_tx(true);
+            Timer::after(Duration::from_millis(1000 + offset)).await;
+            let (before, _) = (stats(&bench), received(&mut events));
+            bench.plug.stall_tx(false);
+            Timer::after(Duration::from_secs(2)).await;
+            let after = stats(&bench);
+            // What hung comes out whenever that is.
+            let outside = after.late + after.unsolicited - before.late - before.unsolicited;
+            assert!(outside <= 1, "{offset} ms: {before:?} {after:?}");
+            assert!(after.in_window - before.in_window >= 13, "{offset} ms: {before:?} {after:?}");
+        });
+        too_late += usize::from(received(&mut events).contains(&Event::NotSent(NotSent::TooLate)));
+    }
+    assert!(too_late > 0, "no reply was withheld");
+}
+
 /// Errors that reading returns are counted and survived.
 #[test]
 fn read_errors_are_counted_and_survived() {

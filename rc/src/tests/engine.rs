@@ -226,6 +226,23 @@ fn stop_is_latched_closes_the_valve_and_is_released_by_the_move_to_standby() {
     });
 }
 
+/// Also of an engine at rest, which nothing else keeps from being released.
+#[test]
+fn stop_is_released_only_with_the_stick_at_idle() {
+    each(async |world| {
+        world.arm().await;
+        world.switch(STOP).await;
+        assert!(world.telemetry().stop_latched);
+        world.radio.stick.set(1500);
+        world.pass(1.0).await;
+        world.switch(STANDBY).await;
+        world.pass(5.0).await;
+        assert!(world.telemetry().stop_latched, "the stick is up");
+        world.radio.stick.set(IDLE);
+        world.until("released", 3, || !world.telemetry().stop_latched).await;
+    });
+}
+
 #[test]
 fn stop_of_another_source_stays_until_the_switch_was_at_stop() {
     each(async |world| {

@@ -129,6 +129,27 @@ fn amt_8_a_fall_after_a_lower_demand_is_no_flame_out() {
     }
 }
 
+/// A stick that goes down step by step excuses a cold exhaust for 15 s at most; one step does so for 5 s.
+#[test]
+fn amt_8_lower_demands_do_not_excuse_a_cold_exhaust_for_ever() {
+    for (every, ends_by) in [(4 * SECOND, 15 * SECOND), (60 * SECOND, 5 * SECOND)] {
+        let mut scenario = with_faults(2 * SECOND, 1, run(50), |_| 500);
+        let begin = scenario.now_us();
+        let mut fly_to = |end: u64| {
+            while scenario.now_us() < begin + end {
+                let now = scenario.now_us() - begin;
+                // As fast as an exhaust cools.
+                scenario.values.egt_celsius = 500 - (now / 10_000).min(400) as i32;
+                let _ = scenario.command(run(47 - (now / every) as u8 * 3));
+                scenario.pass_us(FRAME_PERIOD_US);
+            }
+            ends(&mut scenario)
+        };
+        assert_eq!(fly_to(ends_by - SECOND / 4), [], "every {every} µs");
+        assert_eq!(fly_to(ends_by + SECOND / 4), [End::NotBurning], "every {every} µs");
+    }
+}
+
 /// Where the exhaust is not known the order continues under the stages of loss, and ends in standby when they have run out, to
 /// the tick. Where it burns it continues at the fail-safe throttle.
 #[test]

@@ -187,6 +187,28 @@ fn a_permission_belongs_to_one_source() {
     }
 }
 
+/// The end of a life ends what its sources intended: standby is no change of a source that has not commanded run since.
+#[test]
+fn after_the_end_of_a_life_standby_of_its_source_is_no_change() {
+    for ecu in BOTH {
+        for runs_again in [false, true] {
+            let mut scenario = Scenario::started(ecu, percent(50));
+            scenario.reports(Reports::Standby);
+            assert_eq!(scenario.order(), Order::Standby, "{ecu:?}: the life is over, and RC is still fresh");
+            let behind = Ok(Accepted::Behind(Origin::Rc));
+            assert_eq!(scenario.command_from(Command::Standby, Origin::Mavlink), behind, "{ecu:?}");
+            if runs_again {
+                assert_eq!(scenario.command(run(50)), Err(Rejected::StandbyFirst));
+            }
+            scenario.command(Command::Standby).unwrap();
+            // RC is switched off.
+            scenario.pass_us(SOURCE_TIMEOUT_US);
+            let expected = if runs_again { Err(Rejected::StandbyFirst) } else { Ok(Accepted::InForce) };
+            assert_eq!(scenario.command_from(run(0), Origin::Mavlink), expected, "{ecu:?} {runs_again}");
+        }
+    }
+}
+
 /// Armed, in standby under a steady stream of RC, and its start waits for another engine; until when.
 fn start_waits(ecu: Ecu) -> (Scenario, u64) {
     let mut scenario = Scenario::ready(ecu, ecu.config());

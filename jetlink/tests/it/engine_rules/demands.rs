@@ -102,3 +102,22 @@ fn a_demand_of_another_kind_does_not_jump_after_a_transmitter_that_hung() {
         assert_eq!(scenario.order(), Order::Run(after));
     }
 }
+
+/// "After a ... gap the demand rises at a set rate": also one that was commanded before the gap began and that no frame carried any
+/// more. Without a gap it goes out at once.
+#[test]
+fn amt_a_demand_that_no_reply_carried_before_a_gap_does_not_jump_after_it() {
+    for (pause, highest) in [(200_000, 900), (400_000, 260)] {
+        let mut scenario = flying(Ecu::Amt, 20);
+        scenario.silent().fly_us(run(90), Origin::Rc, pause);
+        assert_eq!(runs_in(&scenario.sent()), [], "nothing was received that could be answered");
+        scenario.reports = Some(Reports::Running);
+        scenario.fly_us(run(90), Origin::Rc, 2 * FRAME_PERIOD_US);
+        let sent = runs_in(&scenario.sent());
+        let max = sent.iter().max();
+        assert!(max.is_some_and(|max| *max <= highest), "{pause} µs: {sent:?}");
+        assert_eq!(max == Some(&900), highest == 900, "{pause} µs: {sent:?}");
+        scenario.fly_us(run(90), Origin::Rc, 2 * SECOND);
+        assert_eq!(scenario.wire(), Wire::Run(900), "{pause} µs");
+    }
+}
