@@ -46,9 +46,8 @@ mod adc {
             // SAFETY: the table of the board reserves the pin, `init` takes it and leaves it as it is after a reset; nothing else uses the
             // converter.
             let (adc, pin) = unsafe { (ADC1::steal(), Pin::steal()) };
-            let mut config = AdcConfig::default();
-            config.resolution = Some(Resolution::BITS16);
-            config.averaging = Some(Averaging::Samples16);
+            let (resolution, averaging) = (Some(Resolution::BITS16), Some(Averaging::Samples16));
+            let config = AdcConfig { resolution, averaging };
             Self { adc: Adc::new_with_config(adc, config), pin }
         }
 
