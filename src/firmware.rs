@@ -84,10 +84,10 @@ fn main() -> ! {
     let restore = |cause: board::ResetCause| outputs = crate::outputs::restore(cause);
     let mut board = board::init(FORMATS, Format::of_line(TELEMETRY), restore);
     defmt::info!(
-        "jetlink {=str} on {=str}, last reset: {}",
+        "jetlink {=str} on {=str}, last reset: {=istr}",
         env!("CARGO_PKG_VERSION"),
         board::NAME,
-        board.reset_cause
+        board.reset_cause.text()
     );
     if board.oscillator == Oscillator::Internal {
         defmt::error!("the crystal does not run: on the chip's own oscillator");

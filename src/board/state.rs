@@ -29,6 +29,22 @@ pub enum ResetCause {
 }
 
 impl ResetCause {
+    /// Its text in the log.
+    pub fn text(self) -> defmt::Str {
+        match self {
+            Self::PowerOn => defmt::intern!("power-on"),
+            Self::BrownOut => defmt::intern!("brown-out"),
+            Self::Watchdog => defmt::intern!("watchdog"),
+            Self::WindowWatchdog => defmt::intern!("window watchdog"),
+            Self::Software => defmt::intern!("software"),
+            Self::LowPower => defmt::intern!("low power"),
+            Self::Pin => defmt::intern!("reset pin"),
+            #[cfg(feature = "ardupilot-bootloader")]
+            Self::Restart => defmt::intern!("restart"),
+            Self::Unknown => defmt::intern!("not known"),
+        }
+    }
+
     /// Retained state that may be used after it. Without a flag, for example because a bootloader cleared them, power may have
     /// been lost.
     pub fn retained(self) -> Reset {
@@ -40,24 +56,6 @@ impl ResetCause {
             Self::Restart => Reset::Warm,
             Self::PowerOn | Self::BrownOut | Self::Unknown => Reset::PowerLost,
         }
-    }
-}
-
-impl defmt::Format for ResetCause {
-    fn format(&self, f: defmt::Formatter<'_>) {
-        let text = match self {
-            Self::PowerOn => defmt::intern!("power-on"),
-            Self::BrownOut => defmt::intern!("brown-out"),
-            Self::Watchdog => defmt::intern!("watchdog"),
-            Self::WindowWatchdog => defmt::intern!("window watchdog"),
-            Self::Software => defmt::intern!("software"),
-            Self::LowPower => defmt::intern!("low power"),
-            Self::Pin => defmt::intern!("reset pin"),
-            #[cfg(feature = "ardupilot-bootloader")]
-            Self::Restart => defmt::intern!("restart"),
-            Self::Unknown => defmt::intern!("not known"),
-        };
-        defmt::write!(f, "{=istr}", text);
     }
 }
 
