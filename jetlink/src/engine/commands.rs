@@ -506,7 +506,7 @@ impl Engine {
             Mode::Listen(_) => found(Rejected::Listening),
             Mode::Standby | Mode::Run(_) | Mode::Pwm { .. } => {}
         }
-        if of_source(&self.must_disarm) {
+        if of_source(&self.must_disarm) && !self.armed {
             found(Rejected::DisarmFirst);
         }
         if let Err(why) = self.can(now, demand) {

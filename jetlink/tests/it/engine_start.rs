@@ -187,6 +187,25 @@ fn a_stream_of_run_alone_starts_nothing() {
     }
 }
 
+/// A source that said armed before an emergency stop has to say disarmed first; where another one has armed meanwhile, that keeps it from
+/// no start.
+#[test]
+fn disarm_first_is_announced_only_while_nobody_else_has_armed() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::ready(ecu, ecu.config());
+        scenario.reports(Reports::Standby);
+        scenario.command(Command::EmergencyStop).unwrap();
+        scenario.pass_us(SECOND);
+        scenario.command(Command::ReleaseStop).unwrap();
+        assert_eq!(scenario.command(Command::Arm), Err(Rejected::DisarmFirst), "{ecu:?}");
+        scenario.fly_us(Command::Standby, Origin::Rc, 2 * SECOND);
+        assert!(scenario.start_refusals(run(0), Origin::Rc).contains(&Rejected::DisarmFirst), "{ecu:?}");
+        scenario.command_from(Command::Arm, Origin::Bench).unwrap();
+        assert_eq!(scenario.start_refusals(run(0), Origin::Rc), [], "{ecu:?}");
+        assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce), "{ecu:?}");
+    }
+}
+
 /// `Scenario` compares each answer to a run with what was announced; here all of it has to be announced at once.
 #[test]
 fn everything_that_keeps_an_engine_from_a_start_is_announced_in_the_order_of_refusals() {
