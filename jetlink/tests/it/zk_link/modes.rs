@@ -320,3 +320,25 @@ fn zk_9_entering_mode_3_again_uses_no_old_rpm() {
     }
     assert_eq!(ecu.obeyed(), expected(rpm(40_000)));
 }
+
+/// ZK-7: an ECU at rest that reports an older version in two frames was never sent an ID 6, so another one was plugged in: standby is
+/// sent to it by ID 1 alone. Where it still runs, or the version has ID 6, both take turns.
+#[test]
+fn zk_7_standby_is_not_sent_by_id_6_to_an_older_ecu_at_rest() {
+    for (version, state, by_id6) in
+        [(3, STATE_STANDBY, false), (3, STATE_RUNNING, true), (4, STATE_STANDBY, true)]
+    {
+        let mut bench = running(4);
+        bench.order(bench.now_us(), rpm(80_000)).unwrap();
+        turns(&mut bench, 4);
+        bench.order(bench.now_us(), Order::Standby).unwrap();
+        for _ in 0..2 {
+            bench.receive(&zk::identity(160, version, 0));
+            bench.receive(&zk::state(state));
+        }
+        bench.frames();
+        let sent = turns(&mut bench, 6);
+        assert_eq!(sent.iter().any(|frame| id(frame) == 6), by_id6, "{version}, state {state}: {sent:02x?}");
+        assert!(sent.iter().any(|frame| id(frame) == 1), "{version}, state {state}");
+    }
+}
