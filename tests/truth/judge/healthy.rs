@@ -345,8 +345,18 @@ impl Case<'_> {
             let brown_out =
                 h.resets.iter().rev().find(|reset| reset.up <= at && reset.cause == Cause::BrownOut);
             let unreadable = |up| faults(up) && h.sensor.within(up, sets) == sets.saturating_sub(up);
+            // In doubt since a reset, after which only error sets came, damaged ones are not replied to.
+            let reset = h.resets.iter().rev().find(|reset| reset.up <= at);
+            let damaged = h.noise.last_before(at).filter(|(from, to)| {
+                at <= *to + h.rules.period
+                    && at >= from + h.rules.gives_up_after.saturating_sub(h.rules.period)
+            });
+            let doubted = reset.zip(damaged).is_some_and(|(reset, (from, _))| {
+                h.samples(reset.up + first, from).iter().all(|sample| sample.fault)
+            });
             let unknown = self.is_amt()
-                && (power.is_some_and(|reset| faults(reset.up))
+                && (doubted
+                    || power.is_some_and(|reset| faults(reset.up))
                     || brown_out.is_some_and(|reset| unreadable(reset.up)));
             // An engine that was handed over is stopped by the loss of its PWM input, which is not the node's.
             let handed_over = h.pwm.contains(at.saturating_sub(h.rules.period));
