@@ -35,7 +35,7 @@ impl CommandLog {
         for (source, commands) in commands.iter().enumerate() {
             let mut before = None;
             for &(at, _) in commands {
-                if before.replace(at).is_none_or(|before| at > before + h.rules.ages[source]) {
+                if before.replace(at).is_none_or(|before| at >= before + h.rules.ages[source]) {
                     gaps[source].push(at);
                 }
             }
@@ -79,7 +79,7 @@ impl CommandLog {
 
     /// The last command of a source, if it is not too old.
     pub fn fresh(&self, source: usize, at: u64) -> Option<PilotCommand> {
-        self.last(source, at).filter(|(when, _)| at <= when + self.age(source)).map(|(_, command)| command)
+        self.last(source, at).filter(|(when, _)| at < when + self.age(source)).map(|(_, command)| command)
     }
 
     /// Since when a source has commanded without a gap beyond its timeout, if it is fresh.

@@ -286,6 +286,20 @@ fn a_demand_is_not_held_below_the_commanded_one() {
     };
     story(500).passes();
     story(480).breaks(&[Rule::HeldDown]);
+    // A source whose commands are exactly as far apart as its timeout is lost each time, and a lower one stays in control.
+    let seldom = |every: u64| {
+        flight(ZK5, 40.0)
+            .streams(2, 31.0, 60.0, PilotCommand::Run(Demanded::Throttle(500)))
+            .wire(40.0, 60.0, HALF)
+            .turbine(40.0, 60.0, Phase::Running, 80_000.0, 500.0)
+            .with(|h| {
+                let command = PilotCommand::Run(Demanded::Throttle(800));
+                let times = (80..120).map(|n| n * every * MS);
+                h.commanded.extend(times.map(|at| Commanded { at, source: PILOT, command }));
+            })
+    };
+    seldom(500).passes();
+    seldom(490).breaks(&[Rule::HeldDown]);
     // A source that comes back after a short gap continues without a take-over.
     let comes_back = |low: f64| {
         flight(ZK5, 50.0)
