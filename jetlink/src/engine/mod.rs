@@ -486,7 +486,8 @@ impl Engine {
         self.start_wait = None;
         self.ended_by_loss = false;
         self.link.release(false);
-        self.close_pump_again();
+        // A stop that is repeated is no new one.
+        if matches!(self.mode, Mode::Stop(_)) { self.close_pump() } else { self.close_pump_again() }
     }
 
     /// Orders a run: a start, or the resumption of a running engine.

@@ -172,6 +172,13 @@ fn a_pump_that_still_has_a_voltage_is_closed_again_at_the_next_event() {
             assert_eq!(answer.is_err(), event == run(0) && again > 0, "{answer:?}");
             scenario.pass_us(2 * SECOND);
             assert_eq!(closes(&scenario.bench.bytes()), again, "{event:?} with {voltage}");
+            // A stream of stops or of refused starts is one event, whatever the voltage.
+            if event != Command::Disarm {
+                reports(&mut scenario, voltage);
+                scenario.bench.frames();
+                scenario.fly_us(event, Origin::Rc, 2 * SECOND);
+                assert_eq!(closes(&scenario.bench.bytes()), 0, "{event:?} repeated");
+            }
         }
     }
 }
