@@ -425,8 +425,8 @@ fn behind_an_ardupilot_bootloader_a_setting_is_stored_in_an_fram_only() {
         let stores = board.fram.is_some();
         let none = report.logged("settings: this board stores none");
         assert_eq!(none, !stores, "{}: {}", board.name, report.log_text());
-        let told = client.texts().iter().any(|text| text.contains("is not stored"));
-        assert_eq!(told, !stores, "{:?}", client.texts());
+        let reported = client.texts().iter().any(|text| text.contains("is not stored"));
+        assert_eq!(reported, !stores, "{:?}", client.texts());
     });
 }
 

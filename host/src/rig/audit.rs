@@ -38,7 +38,7 @@ const LONGEST_GAP: Nanos = 5 * MILLIS;
 const KEPT: usize = 5;
 /// Where nothing else is configured a demand rises at this rate, in per mille of the maximum per second.
 const RISE: u64 = 500;
-/// Without a frame for so many periods of the ECU's frames nothing is on the wire.
+/// Periods of the ECU's frames without one after which nothing is on the wire.
 const NOTHING_AFTER: Nanos = 3;
 /// Longest time from the computation of a demand to its frame on the wire.
 const COMPUTED_BEFORE: Nanos = 25 * MILLIS;

@@ -143,8 +143,8 @@ impl LimitMonitor {
         .max_by_key(|(_, action)| *action)
     }
 
-    /// Checks new values in the ECU's report, and of the supply. `lowered`: when the demand was last lowered; `now` without an order to run. `found`
-    /// gets each violation that is confirmed.
+    /// Checks new values in the ECU's report, and of the supply. `lowered`: when the demand was last lowered; `now` without an
+    /// order to run. `found` gets each violation that is confirmed.
     pub fn observe(
         &mut self,
         now: Instant,

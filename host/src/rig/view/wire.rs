@@ -18,7 +18,7 @@ const INDENT: usize = 24;
 /// Reply window of an AMT ECU.
 const WINDOW: Nanos = 30 * MILLIS;
 
-/// An ECU that has not been received for so long, in seconds, is silent.
+/// Timeout after which an ECU is silent, in seconds since its last frame.
 const SILENT: f64 = 0.5;
 
 /// Draws it.

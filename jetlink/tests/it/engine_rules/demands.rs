@@ -37,6 +37,20 @@ fn a_throttle_that_takes_over_from_an_rpm_does_not_trust_an_old_report() {
     mavlink_takes_over_from_a_low_throttle(&mut scenario);
 }
 
+/// Streams a command until then, while the transmitter sends, or hangs.
+fn command_until(scenario: &mut Scenario, command: Command, end_us: u64, sends: bool) {
+    while scenario.now_us() < end_us {
+        let _ = scenario.command(command);
+        scenario.pass_us(FRAME_PERIOD_US);
+        let now = scenario.now_us();
+        match sends {
+            _ if !scenario.bench.busy() => {}
+            true => scenario.bench.sent_at_us(now),
+            false => scenario.bench.not_sent_at_us(now, NotSent::TimedOut),
+        }
+    }
+}
+
 /// "After a gap the demand rises at a set rate": a gap is also what a transmitter that hangs leaves on the wire.
 #[test]
 fn a_demand_does_not_jump_after_a_transmitter_that_hung() {
@@ -44,26 +58,14 @@ fn a_demand_does_not_jump_after_a_transmitter_that_hung() {
         let mut scenario = flying(ecu, 25);
         scenario.values.half_percents = 50;
         scenario.bench = scenario.bench.clone().by_hand();
-        let until = |scenario: &mut Scenario, end: u64, sends: bool| {
-            while scenario.now_us() < end {
-                let _ = scenario.command(run(75));
-                scenario.pass_us(FRAME_PERIOD_US);
-                let now = scenario.now_us();
-                match sends {
-                    _ if !scenario.bench.busy() => {}
-                    true => scenario.bench.sent_at_us(now),
-                    false => scenario.bench.not_sent_at_us(now, NotSent::TimedOut),
-                }
-            }
-        };
         let hangs = scenario.now_us();
-        until(&mut scenario, hangs + 2 * SECOND, false);
+        command_until(&mut scenario, run(75), hangs + 2 * SECOND, false);
         scenario.sent();
-        until(&mut scenario, hangs + 2_200_000, true);
+        command_until(&mut scenario, run(75), hangs + 2_200_000, true);
         let sent = runs_in(&scenario.sent());
         // 50 % a second, from the 25 % that were sent last.
         assert!(sent.iter().all(|tenths| *tenths <= 360) && !sent.is_empty(), "{ecu:?}: {sent:?}");
-        until(&mut scenario, hangs + 4 * SECOND, true);
+        command_until(&mut scenario, run(75), hangs + 4 * SECOND, true);
         assert_eq!(runs_in(&scenario.sent()).last(), Some(&750), "{ecu:?}");
     }
 }
@@ -77,28 +79,16 @@ fn a_demand_of_another_kind_does_not_jump_after_a_transmitter_that_hung() {
         scenario.fly_us(Command::Run(before), Origin::Rc, 8 * SECOND);
         assert_eq!(scenario.order(), Order::Run(before));
         scenario.bench = scenario.bench.clone().by_hand();
-        let until = |scenario: &mut Scenario, end: u64, sends: bool| {
-            while scenario.now_us() < end {
-                let _ = scenario.command(Command::Run(after));
-                scenario.pass_us(FRAME_PERIOD_US);
-                let now = scenario.now_us();
-                match sends {
-                    _ if !scenario.bench.busy() => {}
-                    true => scenario.bench.sent_at_us(now),
-                    false => scenario.bench.not_sent_at_us(now, NotSent::TimedOut),
-                }
-            }
-        };
         let hangs = scenario.now_us();
-        until(&mut scenario, hangs + 2 * SECOND, false);
-        until(&mut scenario, hangs + 2_200_000, true);
+        command_until(&mut scenario, Command::Run(after), hangs + 2 * SECOND, false);
+        command_until(&mut scenario, Command::Run(after), hangs + 2_200_000, true);
         match scenario.order() {
             // 50 % a second; the ECU reports no throttle, and 40 000 of 160 000 rpm.
             Order::Run(Demand::Throttle(throttle)) => assert!(throttle.tenths() <= 130, "{throttle:?}"),
             Order::Run(Demand::Rpm(rpm)) => assert!(rpm.get() <= 61_000, "{rpm:?}"),
             order => panic!("{order:?}"),
         }
-        until(&mut scenario, hangs + 5 * SECOND, true);
+        command_until(&mut scenario, Command::Run(after), hangs + 5 * SECOND, true);
         assert_eq!(scenario.order(), Order::Run(after));
     }
 }

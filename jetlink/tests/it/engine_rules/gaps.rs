@@ -259,6 +259,18 @@ fn an_rpm_falls_to_the_fail_safe_at_one_rate_when_the_link_is_lost_on_the_way() 
     assert!(silent.abs_diff(received) < 4000, "{silent} instead of {received}");
 }
 
+/// An engine at 120 000 rpm, and the command; its source is silent, or has come back.
+fn at_120_000_rpm(fresh: bool) -> (Scenario, Command) {
+    let mut scenario = Scenario::started(Ecu::Zk, rpm(120_000));
+    let demand = Command::Run(rpm(120_000));
+    scenario.fly_us(demand, Origin::Rc, 5 * SECOND);
+    scenario.pass_us(SECOND);
+    if fresh {
+        scenario.fly_us(demand, Origin::Rc, SECOND);
+    }
+    (scenario, demand)
+}
+
 /// Two reports of another identity: the maximum in thousands of rpm, and the version. An ECU of a later version needs four.
 fn identity(scenario: &mut Scenario, thousands: u8, version: u8) {
     for _ in 0..4 {
@@ -271,13 +283,7 @@ fn identity(scenario: &mut Scenario, thousands: u8, version: u8) {
 #[test]
 fn a_demand_in_force_is_clamped_to_a_lower_maximum_and_does_not_jump_back() {
     for fresh in [true, false] {
-        let mut scenario = Scenario::started(Ecu::Zk, rpm(120_000));
-        let demand = Command::Run(rpm(120_000));
-        scenario.fly_us(demand, Origin::Rc, 5 * SECOND);
-        scenario.pass_us(SECOND);
-        if fresh {
-            scenario.fly_us(demand, Origin::Rc, SECOND);
-        }
+        let (mut scenario, demand) = at_120_000_rpm(fresh);
         identity(&mut scenario, 100, 5);
         scenario.pass_us(2 * FRAME_PERIOD_US);
         assert_eq!(scenario.order(), Order::Run(rpm(100_000)), "not idle");
@@ -299,13 +305,7 @@ fn a_demand_in_force_is_clamped_to_a_lower_maximum_and_does_not_jump_back() {
 #[test]
 fn a_demand_that_the_ecu_could_not_take_does_not_jump_when_it_can() {
     for fresh in [true, false] {
-        let mut scenario = Scenario::started(Ecu::Zk, rpm(120_000));
-        let demand = Command::Run(rpm(120_000));
-        scenario.fly_us(demand, Origin::Rc, 5 * SECOND);
-        scenario.pass_us(SECOND);
-        if fresh {
-            scenario.fly_us(demand, Origin::Rc, SECOND);
-        }
+        let (mut scenario, demand) = at_120_000_rpm(fresh);
         scenario.values.rpm = Some(30_000);
         identity(&mut scenario, 160, 3);
         scenario.pass_us(2 * FRAME_PERIOD_US);

@@ -11,6 +11,21 @@ const MS: u64 = 1_000;
 const RESET: u64 = 20 * SECOND;
 const STANDBY: u64 = RESET + 10_280 * MS;
 
+/// Whether an engine has been ordered to run, and what is true of it: the order comes at 3 s, and it runs from 4 s on.
+fn started_at_3_s(at: u64) -> (bool, Truth) {
+    let (starts, runs) = (at >= 3 * SECOND, at >= 4 * SECOND);
+    let truth = Truth {
+        live: starts,
+        running: runs,
+        reports_running: runs,
+        standby: !starts,
+        egt: if starts { 500.0 } else { 20.0 },
+        obeys_run: starts,
+        ..Truth::default()
+    };
+    (starts, truth)
+}
+
 /// An AMT engine at idle that is reset in flight and gets standby: the judge's verdict. Its source is away in this time.
 fn standby_after_a_reset(away: core::ops::Range<u64>) -> Result<(), String> {
     let config = Ecu::Amt.with(|s| {
@@ -27,16 +42,7 @@ fn standby_after_a_reset(away: core::ops::Range<u64>) -> Result<(), String> {
     judge.input(0, commands(Command::Arm))?;
     for step in 0..STANDBY / (25 * MS) {
         let at = step * 25 * MS;
-        let (starts, runs) = (at >= 3 * SECOND, at >= 4 * SECOND);
-        let truth = Truth {
-            live: starts,
-            running: runs,
-            reports_running: runs,
-            standby: !starts,
-            egt: if starts { 500.0 } else { 20.0 },
-            obeys_run: starts,
-            ..Truth::default()
-        };
+        let (starts, truth) = started_at_3_s(at);
         judge.input(at, Input::Truth(truth))?;
         if at == RESET {
             let retained = Retained::Whole(Some((Origin::Rc, Demand::Throttle(idle), false)));
@@ -83,19 +89,8 @@ fn lost_again_before_a_frame(returns: bool, throttle: u16) -> Result<(), String>
     judge.input(0, commands(Command::Arm))?;
     for step in 0..BACK / (10 * MS) {
         let at = step * 10 * MS;
-        let (starts, runs) = (at >= 3 * SECOND, at >= 4 * SECOND);
-        judge.input(
-            at,
-            Input::Truth(Truth {
-                live: starts,
-                running: runs,
-                reports_running: runs,
-                standby: !starts,
-                egt: if starts { 500.0 } else { 20.0 },
-                obeys_run: starts,
-                ..Truth::default()
-            }),
-        )?;
+        let (starts, truth) = started_at_3_s(at);
+        judge.input(at, Input::Truth(truth))?;
         if step.is_multiple_of(5) && at <= 20 * SECOND {
             judge.input(at, commands(if starts { Command::Run(percent(0)) } else { Command::Standby }))?;
         }
@@ -135,16 +130,7 @@ fn one_standby_counts_only_where_the_run_has_ended_already() {
         judge.input(0, by(Origin::Bench, Command::Arm))?;
         for step in 0..last / (25 * MS) {
             let at = step * 25 * MS;
-            let (starts, runs) = (at >= 3 * SECOND, at >= 4 * SECOND);
-            let truth = Truth {
-                live: starts,
-                running: runs,
-                reports_running: runs,
-                standby: !starts,
-                egt: if starts { 500.0 } else { 20.0 },
-                obeys_run: starts,
-                ..Truth::default()
-            };
+            let (starts, truth) = started_at_3_s(at);
             judge.input(at, Input::Truth(truth))?;
             if step.is_multiple_of(2) && at <= 15 * SECOND {
                 let run = Command::Run(Demand::Throttle(idle));
@@ -162,7 +148,7 @@ fn one_standby_counts_only_where_the_run_has_ended_already() {
     assert_eq!(judged(19 * SECOND), Err("(5) one standby of rc counts, and the engine runs".to_owned()));
 }
 
-/// After a reset a source that speaks seldom may be lost or not, as nothing shows when it was heard before: a lower one may be in control
+/// After a reset a source that speaks seldom may be lost or not, as nothing shows when its last command came: a lower one may be in control
 /// beside it, or not, until that is over.
 #[test]
 fn after_a_reset_a_lower_source_may_be_in_control_beside_one_that_speaks_seldom() {
@@ -179,16 +165,7 @@ fn after_a_reset_a_lower_source_may_be_in_control_beside_one_that_speaks_seldom(
         judge.input(0, by(Origin::Rc, Command::Arm))?;
         for step in 0..last / (25 * MS) {
             let at = step * 25 * MS;
-            let (starts, runs) = (at >= 3 * SECOND, at >= 4 * SECOND);
-            let truth = Truth {
-                live: starts,
-                running: runs,
-                reports_running: runs,
-                standby: !starts,
-                egt: if starts { 500.0 } else { 20.0 },
-                obeys_run: starts,
-                ..Truth::default()
-            };
+            let (starts, truth) = started_at_3_s(at);
             judge.input(at, Input::Truth(truth))?;
             if at == RESET {
                 let retained = Retained::Whole(Some((Origin::Rc, percent(0), false)));
