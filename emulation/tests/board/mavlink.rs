@@ -346,7 +346,7 @@ fn a_ground_station_sets_up_and_flies_an_engine_over_the_telemetry_port() {
 fn a_full_telemetry_port_costs_no_reply_window() {
     on_each_board(|board| {
         let worst = |flood: bool| {
-            let report = run(board, Client { flood, ..Client::default() }, 20 * SECOND);
+            let report = run(board, Client { flood, ..Client::default() }, 12 * SECOND);
             others_are_well(&report, &[]);
             let client: &Client = report.ecu(board.telemetry.name);
             nothing_was_lost(client);
