@@ -376,7 +376,7 @@ async fn supply(node: &'static Node<N>) {
     let mut ticker = Ticker::every(Duration::from_millis(200));
     loop {
         let voltage = Millivolts::new(supply.millivolts());
-        node.handles().iter().for_each(|handle| handle.board_supply(voltage));
+        node.owners().iter().for_each(|owner| owner.setup().board_supply(voltage));
         ticker.next().await;
     }
 }

@@ -111,9 +111,10 @@ pub struct Mavlink {
 pub fn build(node: &'static Node<N>, settings: Settings, radio: Option<&'static Radio>) -> Mavlink {
     static RUNNER: StaticCell<Runner> = StaticCell::new();
     let Settings { node: of_node, engines, own, attached, store, found } = settings;
-    let sources = node.sources(Origin::Mavlink).into_iter();
-    let engines = sources.zip(engines).zip(own).map(|((source, config), settings)| EngineParts {
-        source: defmt::unwrap!(source),
+    let owners = node.owners().into_iter();
+    let engines = owners.zip(engines).zip(own).map(|((owner, config), settings)| EngineParts {
+        source: defmt::unwrap!(owner.source(Origin::Mavlink)),
+        setup: owner.setup(),
         config,
         settings,
     });

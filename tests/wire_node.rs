@@ -7,7 +7,7 @@ use bench::{LONG, command_as, received, sim_line, throttle};
 use embassy_futures::join::join;
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Timer};
-use jetlink::channel::{Channel, Handle, LISTENERS};
+use jetlink::channel::{Channel, LISTENERS, Owner};
 use jetlink::command::{Accepted, Command, Demand, Order, Origin};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::zk::codec::Rate;
@@ -44,46 +44,46 @@ fn zk() -> (EngineConfig, ZkEcu) {
     (config, ZkEcu::new(ZkConfig::new(5).on(sim_line(config.line))))
 }
 
-fn in_phase(handle: &Handle<'_>, phase: Phase) -> bool {
-    handle.telemetry().report.phase.is_some_and(|now| now.value == phase)
+fn in_phase(owner: &Owner<'_>, phase: Phase) -> bool {
+    owner.handle().telemetry().report.phase.is_some_and(|now| now.value == phase)
 }
 
 /// Repeats a command, as a source does, until `done`.
-async fn fly(handle: &Handle<'_>, command: Command, mut done: impl FnMut(&Handle<'_>) -> bool) {
+async fn fly(owner: &Owner<'_>, command: Command, mut done: impl FnMut(&Owner<'_>) -> bool) {
     loop {
-        let _ = command_as(handle, command, Origin::Rc);
-        if done(handle) {
+        let _ = command_as(owner, command, Origin::Rc);
+        if done(owner) {
             return;
         }
         Timer::after(Duration::from_millis(100)).await;
     }
 }
 
-async fn fly_for(handle: &Handle<'_>, command: Command, time: Duration) {
+async fn fly_for(owner: &Owner<'_>, command: Command, time: Duration) {
     let end = Instant::now() + time;
-    fly(handle, command, |_| Instant::now() >= end).await;
+    fly(owner, command, |_| Instant::now() >= end).await;
 }
 
-async fn start(handle: &Handle<'_>) {
-    command_as(handle, Command::Arm, Origin::Rc).expect("always accepted");
+async fn start(owner: &Owner<'_>) {
+    command_as(owner, Command::Arm, Origin::Rc).expect("always accepted");
     loop {
-        fly(handle, Command::Standby, |handle| in_phase(handle, Phase::Standby)).await;
+        fly(owner, Command::Standby, |owner| in_phase(owner, Phase::Standby)).await;
         // A refusal uses up the permission, so standby comes again.
-        if command_as(handle, throttle(0), Origin::Rc) == Ok(Accepted::InForce) {
+        if command_as(owner, throttle(0), Origin::Rc) == Ok(Accepted::InForce) {
             break;
         }
         Timer::after(Duration::from_millis(100)).await;
     }
-    fly(handle, throttle(0), |handle| in_phase(handle, Phase::Running)).await;
+    fly(owner, throttle(0), |owner| in_phase(owner, Phase::Running)).await;
 }
 
 /// One life of a node on a line: from its start-up to whatever ends `scenario`.
 async fn life<T>(
     channel: &Channel,
     (rx, tx): (WireRx, WireTx),
-    scenario: impl AsyncFnOnce(Handle<'_>) -> T,
+    scenario: impl AsyncFnOnce(Owner<'_>) -> T,
 ) -> T {
-    match select(channel.runner().run(rx, tx, &ERRORS), scenario(channel.handle())).await {
+    match select(channel.runner().run(rx, tx, &ERRORS), scenario(channel.owner())).await {
         Either::First(never) => never,
         Either::Second(output) => output,
     }
@@ -121,9 +121,9 @@ fn an_engine_resumes_after_a_reset_in_flight() {
                 let memory = with_memory.then_some(memory);
                 let scenario = async {
                     let before = channel(memory);
-                    life(&before, (rx, tx), async |handle| {
-                        start(&handle).await;
-                        fly_for(&handle, throttle(60), Duration::from_secs(8)).await;
+                    life(&before, (rx, tx), async |owner| {
+                        start(&owner).await;
+                        fly_for(&owner, throttle(60), Duration::from_secs(8)).await;
                         Timer::after(Duration::from_millis(phase * 13)).await;
                     })
                     .await;
@@ -132,12 +132,12 @@ fn an_engine_resumes_after_a_reset_in_flight() {
                     plug.record(true);
                     let begin = clock::now_ns();
                     let after = channel(memory);
-                    life(&after, plug.reset_node(), async |handle| {
+                    life(&after, plug.reset_node(), async |owner| {
                         let demand = Demand::Throttle(Throttle::from_percent(60).expect("0..=100"));
                         let expected = if with_memory { Order::Doubt(demand) } else { Order::Listen };
-                        assert_eq!(handle.telemetry().ordered.order, expected);
-                        fly_for(&handle, throttle(60), Duration::from_secs(3)).await;
-                        let telemetry = handle.telemetry();
+                        assert_eq!(owner.handle().telemetry().ordered.order, expected);
+                        fly_for(&owner, throttle(60), Duration::from_secs(3)).await;
+                        let telemetry = owner.handle().telemetry();
                         assert_eq!(telemetry.state, EngineState::Running, "{baud} {phase}");
                         assert!(matches!(telemetry.ordered.order, Order::Run(_)));
                         assert_eq!(telemetry.ordered.origin, Origin::Rc);
@@ -176,9 +176,9 @@ fn a_latched_stop_survives_a_reset_in_flight() {
     let (rx, tx, plug) = wire(&config, ecu, 1);
     let scenario = async {
         let before = Channel::new(&config, Some((memory, Reset::Warm)));
-        life(&before, (rx, tx), async |handle| {
-            start(&handle).await;
-            command_as(&handle, Command::EmergencyStop, Origin::Rc).expect("never refused");
+        life(&before, (rx, tx), async |owner| {
+            start(&owner).await;
+            command_as(&owner, Command::EmergencyStop, Origin::Rc).expect("never refused");
         })
         .await;
         // The byte under way is cut short.
@@ -186,9 +186,9 @@ fn a_latched_stop_survives_a_reset_in_flight() {
         Timer::after(Duration::from_millis(20)).await;
         plug.record(true);
         let after = Channel::new(&config, Some((memory, Reset::Warm)));
-        life(&after, halves, async |handle| {
-            fly_for(&handle, throttle(60), Duration::from_secs(3)).await;
-            assert!(handle.telemetry().stop_latched);
+        life(&after, halves, async |owner| {
+            fly_for(&owner, throttle(60), Duration::from_secs(3)).await;
+            assert!(owner.handle().telemetry().stop_latched);
         })
         .await;
     };
@@ -220,8 +220,8 @@ fn a_lost_engine_reduces_the_other_of_its_group() {
         let node = Node::new(&[left, right], None).expect("a good table");
         let world = live_two(&node, (rx_left, tx_left, &plug_left), (rx_right, tx_right, &plug_right));
         let scenario = async {
-            let [l, r] = node.handles();
-            let all = |command| node.handles().map(|handle| command_as(&handle, command, Origin::Rc));
+            let [l, r] = node.owners();
+            let all = |command| node.owners().map(|owner| command_as(&owner, command, Origin::Rc));
             let say = |command| {
                 let _ = all(command);
             };
@@ -253,18 +253,18 @@ fn a_lost_engine_reduces_the_other_of_its_group() {
                 say(throttle(60));
                 Timer::after(Duration::from_millis(100)).await;
             }
-            assert_eq!(r.telemetry().report.throttle.expect("reported").value.tenths(), 600);
+            assert_eq!(r.handle().telemetry().report.throttle.expect("reported").value.tenths(), 600);
             // The left one is lost.
-            let mut of_left = l.events().expect("a free place");
-            let mut events = r.events().expect("a free place");
-            let turns_before = r.telemetry().counters;
+            let mut of_left = l.handle().events().expect("a free place");
+            let mut events = r.handle().events().expect("a free place");
+            let turns_before = r.handle().telemetry().counters;
             plug_left.ecu(|ecu| ecu.turbine_mut().flame_out());
             for _ in 0..100 {
                 say(throttle(60));
                 Timer::after(Duration::from_millis(100)).await;
             }
             let events = received(&mut events);
-            let (l, r) = (l.telemetry(), r.telemetry());
+            let (l, r) = (l.handle().telemetry(), r.handle().telemetry());
             // Its ECU reports nothing but its error; the exhaust shows that it is out, and its source does not start it again.
             let of_left = received(&mut of_left);
             assert!(of_left.contains(&Event::RunCancelled(End::NotBurning)), "{of_left:?}");
@@ -301,8 +301,9 @@ fn an_emergency_stop_gets_through() {
         let (rx_right, tx_right, plug_right) = wire(&right, right_ecu, 2);
         let node = Node::new(&[left, right], None).expect("a good table");
         let world = live_two(&node, (rx_left, tx_left, &plug_left), (rx_right, tx_right, &plug_right));
-        let [l, r] = node.handles();
-        let deaf: Vec<_> = (0..LISTENERS).map(|_| (l.events(), l.telemetry_receiver())).collect();
+        let [l, r] = node.owners();
+        let deaf: Vec<_> =
+            (0..LISTENERS).map(|_| (l.handle().events(), l.handle().telemetry_receiver())).collect();
         assert!(deaf.iter().all(|(events, telemetry)| events.is_some() && telemetry.is_some()));
         let stopped = Cell::new(None);
         let flood = async {
@@ -332,8 +333,8 @@ fn an_emergency_stop_gets_through() {
                 Timer::at(ends).await;
             };
             select(flood, pulling).await;
-            assert!(r.telemetry().counters.write_timeouts > 10, "the other one is stuck");
-            let counters = l.telemetry().counters;
+            assert!(r.handle().telemetry().counters.write_timeouts > 10, "the other one is stuck");
+            let counters = l.handle().telemetry().counters;
             assert_eq!((counters.replies_missed, counters.replies_late), (0, 0));
             assert!(!flooded || counters.commands_rejected > 10_000);
         };
@@ -368,14 +369,17 @@ fn a_failure_is_reported_again_after_a_reset() {
         let (rx_right, tx_right, plug_right) = wire(&right, right_ecu, 2);
         let node = Node::new(&[left, right], Some((memory, Reset::Warm))).expect("a good table");
         let world = live_two(&node, (rx_left, tx_left, &plug_left), (rx_right, tx_right, &plug_right));
-        let [l, r] = node.handles();
+        let [l, r] = node.owners();
         let scenario = async {
             Timer::after(Duration::from_secs(3)).await;
-            assert_eq!((l.telemetry().failed, r.telemetry().others_failed), (failed, u8::from(failed)));
+            assert_eq!(
+                (l.handle().telemetry().failed, r.handle().telemetry().others_failed),
+                (failed, u8::from(failed))
+            );
             // Until it is commanded to standby.
             command_as(&l, Command::Standby, Origin::Rc).expect("no other source holds it");
             Timer::after(Duration::from_secs(1)).await;
-            assert_eq!((l.telemetry().failed, r.telemetry().others_failed), (false, 0));
+            assert_eq!((l.handle().telemetry().failed, r.handle().telemetry().others_failed), (false, 0));
         };
         clock::run_for(select(world, scenario), LONG).expect("it ends");
     }
@@ -392,7 +396,7 @@ fn a_stuck_transmitter_is_given_back_to_be_opened_anew() {
         plug.record(true);
         let node = Node::<1>::new(&[config], None).expect("a good table");
         let [runner] = node.runners();
-        let [handle] = node.handles();
+        let [owner] = node.owners();
         let opened = Cell::new(0);
         let port = async {
             let mut halves = (rx, tx);
@@ -405,21 +409,21 @@ fn a_stuck_transmitter_is_given_back_to_be_opened_anew() {
             }
         };
         let pilot = async {
-            start(&handle).await;
-            fly_for(&handle, throttle(60), Duration::from_secs(5)).await;
+            start(&owner).await;
+            fly_for(&owner, throttle(60), Duration::from_secs(5)).await;
             plug.stall_tx(true);
             // What is commanded meanwhile is old when the transmitter continues.
-            fly_for(&handle, throttle(80), pause).await;
+            fly_for(&owner, throttle(80), pause).await;
             plug.take_log();
             if !reopened {
                 plug.stall_tx(false);
             }
-            fly_for(&handle, throttle(40), Duration::from_secs(3)).await;
+            fly_for(&owner, throttle(40), Duration::from_secs(3)).await;
             assert_eq!(
-                handle.telemetry().ordered.order,
+                owner.handle().telemetry().ordered.order,
                 Order::Run(Demand::Throttle(Throttle::from_percent(40).unwrap()))
             );
-            assert!(!handle.telemetry().transmitter_failed);
+            assert!(!owner.handle().telemetry().transmitter_failed);
         };
         let all = select(join(plug.run(), port), pilot);
         clock::run(all);

@@ -331,7 +331,7 @@ fn zk_14_pressure_goes_out_once_a_second_while_it_is_fresh() {
         Timer::after(Duration::from_secs(5)).await;
         assert_eq!(stats(&bench).pressures, 0, "none is known");
         for _ in 0..20 {
-            bench.handle().pressure(Hectopascals::new(987).expect("0..=1023"));
+            bench.channel.owner().setup().pressure(Hectopascals::new(987).expect("0..=1023"));
             Timer::after(Duration::from_millis(500)).await;
         }
         let fresh = stats(&bench).pressures;
@@ -347,7 +347,7 @@ fn zk_14_pressure_goes_out_once_a_second_while_it_is_fresh() {
     let never_asks = bench_on(Line::new(9600), Rate::Hz50, 4, |_| {});
     never_asks.play(LONG, async {
         for _ in 0..20 {
-            never_asks.handle().pressure(Hectopascals::new(987).expect("0..=1023"));
+            never_asks.channel.owner().setup().pressure(Hectopascals::new(987).expect("0..=1023"));
             Timer::after(Duration::from_millis(500)).await;
         }
     });

@@ -21,11 +21,14 @@ use embassy_sync::pubsub::{PubSubChannel, Subscriber};
 use embassy_sync::signal::Signal;
 use embassy_sync::watch::{self, Watch};
 use embassy_time::Instant;
+use heapless::Vec;
 
 /// Capacity of the queue of events. A slow subscriber loses the oldest ones and receives their number.
 pub const EVENT_CAPACITY: usize = 32;
 /// Subscribers to one engine's events, and receivers of its telemetry.
 pub const LISTENERS: usize = 4;
+/// More than a start can be refused for at once.
+const REFUSALS: usize = 32;
 
 /// Subscription to one engine's events.
 pub type Events<'a> = Subscriber<'a, CriticalSectionRawMutex, Event, EVENT_CAPACITY, LISTENERS, 0>;
@@ -112,13 +115,18 @@ impl Channel {
 
     /// A handle to the engine; any number.
     pub const fn handle(&self) -> Handle<'_> {
-        Handle { channel: self, group: core::slice::from_ref(self) }
+        self.owner().handle()
     }
 
-    /// A handle to the engine as one of a group, whose engines start one after the other and report failures to each other.
+    /// The owner of the engine.
+    pub const fn owner(&self) -> Owner<'_> {
+        self.owner_in(core::slice::from_ref(self))
+    }
+
+    /// The owner of the engine as one of a group, whose engines start one after the other and report failures to each other.
     /// [`crate::node::Node`] makes a group of a table of engines.
-    pub const fn handle_in<'a>(&'a self, group: &'a [Channel]) -> Handle<'a> {
-        Handle { channel: self, group }
+    pub const fn owner_in<'a>(&'a self, group: &'a [Channel]) -> Owner<'a> {
+        Owner { handle: Handle { channel: self, group } }
     }
 
     /// Starts the engine with its retained state.
@@ -165,7 +173,14 @@ impl Channel {
     }
 }
 
-/// Access to one engine: telemetry, events, and sources of commands. Copies may be used in several tasks.
+/// Telemetry and events of one engine, for whoever listens: it commands and changes nothing. Copies may be used in several tasks.
+///
+/// ```compile_fail
+/// # use jetlink::{channel::Channel, command::Origin, config::EngineConfig, ecu::zk::codec::Rate, line::Line};
+/// # let config = EngineConfig::zk("a", 0, Line::new(9600), Rate::Hz100);
+/// let channel = Channel::new(&config, None);
+/// let source = channel.handle().source(Origin::Emergency); // Only the owner claims sources.
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Handle<'a> {
     channel: &'a Channel,
@@ -173,8 +188,21 @@ pub struct Handle<'a> {
     group: &'a [Channel],
 }
 
-/// The right to command one engine as one source. There is one for each origin at a time, so that no task can command as
-/// another source. [`Handle::source`] claims it, and dropping it releases it.
+/// Everything that may be done with one engine. It stays with the code that builds the node, which gives a [`Source`] to
+/// whoever commands, a [`Setup`] to whoever sets it up, and a [`Handle`] to whoever listens.
+#[derive(Clone, Copy, Debug)]
+pub struct Owner<'a> {
+    handle: Handle<'a>,
+}
+
+/// The right to change the settings of one engine, and to give it what the board measures.
+#[derive(Clone, Copy, Debug)]
+pub struct Setup<'a> {
+    channel: &'a Channel,
+}
+
+/// The right to command one engine as one source. There is one for each origin at a time, and it gives access to no other, so
+/// that no task can command as another source. [`Owner::source`] claims it, and dropping it releases it.
 #[derive(Debug)]
 pub struct Source<'a> {
     handle: Handle<'a>,
@@ -190,7 +218,7 @@ pub enum ClaimError {
     Taken(Origin),
     /// The node itself is not a source.
     Node,
-    /// Only [`Handle::emergency_source`] claims the highest source.
+    /// Only [`Owner::emergency_source`] claims the highest source.
     Emergency,
 }
 
@@ -241,10 +269,15 @@ impl Drop for Source<'_> {
     }
 }
 
-impl<'a> Handle<'a> {
-    /// The engine's name.
-    pub const fn name(&self) -> &'static str {
-        self.channel.name
+impl<'a> Owner<'a> {
+    /// A handle to the engine; any number.
+    pub const fn handle(&self) -> Handle<'a> {
+        self.handle
+    }
+
+    /// The right to set the engine up.
+    pub const fn setup(&self) -> Setup<'a> {
+        Setup { channel: self.handle.channel }
     }
 
     /// Claims the source `Bench`, `Mavlink` or `Rc` until the result is dropped.
@@ -268,18 +301,67 @@ impl<'a> Handle<'a> {
     }
 
     fn claim(&self, origin: Origin) -> Result<Source<'a>, ClaimError> {
-        let claimed = &self.channel.claimed;
+        let claimed = &self.handle.channel.claimed;
         let bit = 1 << origin.priority();
         let free = critical_section::with(|_| {
             let before = claimed.load(Ordering::Relaxed);
             claimed.store(before | bit, Ordering::Relaxed);
             before & bit == 0
         });
-        if free { Ok(Source { handle: *self, origin }) } else { Err(ClaimError::Taken(origin)) }
+        if free { Ok(Source { handle: self.handle, origin }) } else { Err(ClaimError::Taken(origin)) }
+    }
+}
+
+impl Setup<'_> {
+    /// Changes the settings of the supervision while the engine runs, from the next frame, command or deadline on
+    /// ([`crate::setting::Effect::AtOnce`]).
+    ///
+    /// # Errors
+    /// The first setting that is out of its range ([`Supervision::row`]), with nothing changed.
+    pub fn configure(&self, supervision: &Supervision) -> Result<(), SettingId> {
+        let now = now();
+        let done = self.channel.with(|engine| engine.configure(now, supervision));
+        self.channel.wake.signal(());
+        done
+    }
+
+    /// Changes the settings of the link ([`crate::setting::Effect::AtRest`]): as soon as the engine is at rest, that is with
+    /// standby or an emergency stop in force and an ECU that reports a stopped engine. Until then they wait
+    /// ([`Handle::link_settings_wait`]), and later ones replace them. They are lost at a reset: keep them in the
+    /// [`EngineConfig`] that [`Channel::new`] is given.
+    ///
+    /// # Errors
+    /// [`LinkSettingsError`], with nothing changed: a value is out of its range, the line cannot carry the protocol, or it is
+    /// another protocol or engine.
+    pub fn configure_link(&self, settings: &LinkSettings) -> Result<(), LinkSettingsError> {
+        let now = now();
+        let done = self.channel.with(|engine| engine.configure_link(now, settings));
+        self.channel.wake.signal(());
+        done
+    }
+
+    /// Sets the atmospheric pressure, for an ECU that requests it (ZK-14). It is sent for 5 s at most.
+    pub fn pressure(&self, pressure: Hectopascals) {
+        let now = now();
+        self.channel.with(|engine| engine.pressure(now, pressure));
+    }
+
+    /// Sets the supply voltage that the board measures, several times a second. It counts where the ECU reports none.
+    pub fn board_supply(&self, voltage: Millivolts) {
+        let now = now();
+        self.channel.with(|engine| engine.board_supply(now, voltage));
+        self.channel.wake.signal(());
+    }
+}
+
+impl<'a> Handle<'a> {
+    /// The engine's name.
+    pub const fn name(&self) -> &'static str {
+        self.channel.name
     }
 
     fn command(&self, command: Command, origin: Origin) -> Result<Accepted, Rejected> {
-        let now = self.now();
+        let now = now();
         // One command at a time, so that two engines cannot both find the other at rest.
         let answer = critical_section::with(|_| {
             let free =
@@ -296,37 +378,18 @@ impl<'a> Handle<'a> {
     }
 
     /// Everything that keeps a `Run` of this source from starting the engine now ([`Engine::start_refusals`]). Nothing changes.
+    /// `found` is called afterwards and may use the engine.
     pub fn start_refusals(&self, demand: Demand, origin: Origin, found: impl FnMut(Rejected)) {
-        let now = self.now();
+        let now = now();
         let free = self.others_allow_start(now);
-        self.channel.inspect(|engine| engine.start_refusals(now, demand, origin, free, found));
-    }
-
-    /// Changes the settings of the supervision while the engine runs, from the next frame, command or deadline on
-    /// ([`crate::setting::Effect::AtOnce`]).
-    ///
-    /// # Errors
-    /// The first setting that is out of its range ([`Supervision::row`]), with nothing changed.
-    pub fn configure(&self, supervision: &Supervision) -> Result<(), SettingId> {
-        let now = self.now();
-        let done = self.channel.with(|engine| engine.configure(now, supervision));
-        self.channel.wake.signal(());
-        done
-    }
-
-    /// Changes the settings of the link ([`crate::setting::Effect::AtRest`]): as soon as the engine is at rest, that is with
-    /// standby or an emergency stop in force and an ECU that reports a stopped engine. Until then they wait
-    /// ([`Handle::link_settings_wait`]), and later ones replace them. They are lost at a reset: keep them in the
-    /// [`EngineConfig`] that [`Channel::new`] is given.
-    ///
-    /// # Errors
-    /// [`LinkSettingsError`], with nothing changed: a value is out of its range, the line cannot carry the protocol, or it is
-    /// another protocol or engine.
-    pub fn configure_link(&self, settings: &LinkSettings) -> Result<(), LinkSettingsError> {
-        let now = self.now();
-        let done = self.channel.with(|engine| engine.configure_link(now, settings));
-        self.channel.wake.signal(());
-        done
+        let mut refusals = Vec::<Rejected, REFUSALS>::new();
+        self.channel.inspect(|engine| {
+            engine.start_refusals(now, demand, origin, free, |why| {
+                // There is space for each of them.
+                let _ = refusals.push(why);
+            });
+        });
+        refusals.into_iter().for_each(found);
     }
 
     /// Whether settings of the link wait until the engine is at rest.
@@ -334,22 +397,9 @@ impl<'a> Handle<'a> {
         self.channel.inspect(|engine| engine.link_settings_wait())
     }
 
-    /// Sets the atmospheric pressure, for an ECU that requests it (ZK-14). It is sent for 5 s at most.
-    pub fn pressure(&self, pressure: Hectopascals) {
-        let now = self.now();
-        self.channel.with(|engine| engine.pressure(now, pressure));
-    }
-
-    /// Sets the supply voltage that the board measures, several times a second. It counts where the ECU reports none.
-    pub fn board_supply(&self, voltage: Millivolts) {
-        let now = self.now();
-        self.channel.with(|engine| engine.board_supply(now, voltage));
-        self.channel.wake.signal(());
-    }
-
     /// A snapshot of the engine.
     pub fn telemetry(&self) -> Telemetry {
-        let now = self.now();
+        let now = now();
         self.channel.inspect(|engine| engine.telemetry(now))
     }
 
@@ -368,9 +418,9 @@ impl<'a> Handle<'a> {
     pub(crate) fn progress(&self) -> u32 {
         self.channel.progress.load(Ordering::Relaxed)
     }
+}
 
-    #[expect(clippy::disallowed_methods, reason = "a command is stamped where it enters")]
-    fn now(&self) -> Instant {
-        Instant::now()
-    }
+#[expect(clippy::disallowed_methods, reason = "a command is stamped where it enters")]
+fn now() -> Instant {
+    Instant::now()
 }

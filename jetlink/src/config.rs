@@ -97,7 +97,7 @@ impl EngineConfig {
     }
 }
 
-/// Settings of a link, which a running node may be given ([`crate::channel::Handle::configure_link`]).
+/// Settings of a link, which a running node may be given ([`crate::channel::Setup::configure_link`]).
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct LinkSettings {
@@ -166,6 +166,8 @@ pub enum ConfigError {
     Timing(usize, SettingId),
     /// A setting of the supervision is out of its range.
     Supervision(usize, SettingId),
+    /// There is retained memory, but none for the port of this engine.
+    RetainedMemory(usize),
 }
 
 impl ConfigError {
@@ -177,6 +179,9 @@ impl ConfigError {
             Self::Ecu(_, mistake) => mistake.message(),
             Self::Supervision(_, id) => Supervision::row(id).message,
             Self::Timing(_, id) => Timing::message(id),
+            Self::RetainedMemory(_) => {
+                "no retained memory for its port: give the node one for each port, by its number"
+            }
         }
     }
 
@@ -187,7 +192,8 @@ impl ConfigError {
             | Self::SamePort(_, row)
             | Self::Ecu(row, _)
             | Self::Timing(row, _)
-            | Self::Supervision(row, _) => row,
+            | Self::Supervision(row, _)
+            | Self::RetainedMemory(row) => row,
         }
     }
 }

@@ -32,7 +32,7 @@
 //! async fn engine(rx: impl Read, tx: impl Write, reset: Reset) {
 //!     let channel = Channel::new(&ENGINE, Some((&RETAINED, reset)));
 //!     let errors = LineErrors::new(); // counted by the UART's interrupt, if it does
-//!     let Ok(source) = channel.handle().source(Origin::Rc) else { return };
+//!     let Ok(source) = channel.owner().source(Origin::Rc) else { return };
 //!     let pilot = pilot(source);
 //!     embassy_futures::join::join(channel.runner().run(rx, tx, &errors), pilot).await;
 //! }

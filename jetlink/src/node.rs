@@ -1,6 +1,6 @@
 //! All engines of one board.
 
-use crate::channel::{Channel, ClaimError, Handle, Source};
+use crate::channel::{Channel, ClaimError, Handle, Owner, Source};
 use crate::command::Origin;
 use crate::config::{ConfigError, EngineConfig, validate};
 use crate::engine::retained::{Reset, RetainedMemory};
@@ -39,10 +39,15 @@ impl<const N: usize> NodePlace<N> {
     ) -> Result<&Node<N>, ConfigError> {
         validate(engines)?;
         self.0.channels.clear();
-        for engine in engines {
+        for (row, engine) in engines.iter().enumerate() {
+            let own = match retained {
+                Some((memory, reset)) => {
+                    let own = memory.get(usize::from(engine.port));
+                    Some((own.ok_or(ConfigError::RetainedMemory(row))?, reset))
+                }
+                None => None,
+            };
             // There is space for each of them.
-            let own =
-                retained.and_then(|(memory, reset)| Some((memory.get(usize::from(engine.port))?, reset)));
             let _ = self.0.channels.push(Channel::new(engine, own));
         }
         Ok(&self.0)
@@ -56,12 +61,13 @@ impl<const N: usize> Default for NodePlace<N> {
 }
 
 impl<const N: usize> Node<N> {
-    /// A node from a table of engines. `retained` is memory that survives a reset, by port, with the kind of the last reset:
-    /// running engines resume after a reset. An engine on a port without memory resumes by the reports of its ECU. `None` is
-    /// for tests, see [`Channel::new`].
+    /// A node from a table of engines. `retained` is memory that survives a reset, with the kind of the last reset: running
+    /// engines resume after a reset. An engine has the one whose index is its port, so there are as many as the highest port of
+    /// the table and one. `None` is for tests, see [`Channel::new`].
     ///
     /// # Errors
-    /// [`ConfigError`] with the mistake in the table. [`crate::config::check`] finds the same at compile time.
+    /// [`ConfigError`] with the mistake in the table, which [`crate::config::check`] finds at compile time;
+    /// [`ConfigError::RetainedMemory`] where the port of an engine has no memory.
     pub fn new(
         engines: &[EngineConfig; N],
         retained: Option<(&'static [RetainedMemory], Reset)>,
@@ -78,12 +84,17 @@ impl<const N: usize> Node<N> {
 
     /// A handle to each engine, in the order of the table.
     pub fn handles(&self) -> [Handle<'_>; N] {
-        from_fn(|i| self.channels[i].handle_in(&self.channels))
+        self.owners().map(|owner| owner.handle())
     }
 
-    /// Claims the same source of each engine, in the order of the table; see [`Handle::source`].
+    /// The owner of each engine, in the order of the table.
+    pub fn owners(&self) -> [Owner<'_>; N] {
+        from_fn(|i| self.channels[i].owner_in(&self.channels))
+    }
+
+    /// Claims the same source of each engine, in the order of the table; see [`Owner::source`].
     pub fn sources(&self, origin: Origin) -> [Result<Source<'_>, ClaimError>; N] {
-        self.handles().map(|handle| handle.source(origin))
+        self.owners().map(|owner| owner.source(origin))
     }
 
     /// Sets the source of the board's clocks, for [`Node::health`].

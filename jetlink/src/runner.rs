@@ -45,7 +45,10 @@ impl LineErrors {
     /// Counts one. May be called from an interrupt.
     pub fn count(&self, error: LineError) {
         if let Some(counter) = self.counter(error) {
-            counter.fetch_add(1, Ordering::Relaxed);
+            // Not every core has atomic read-modify-write.
+            critical_section::with(|_| {
+                counter.store(counter.load(Ordering::Relaxed).wrapping_add(1), Ordering::Relaxed);
+            });
         }
     }
 
@@ -62,7 +65,13 @@ impl LineErrors {
     /// Takes the errors counted since the last call.
     pub fn drain(&self, mut each: impl FnMut(LineError)) {
         for error in [LineError::Framing, LineError::Noise, LineError::Overrun, LineError::Parity] {
-            let count = self.counter(error).map_or(0, |counter| counter.swap(0, Ordering::Relaxed));
+            let count = self.counter(error).map_or(0, |counter| {
+                critical_section::with(|_| {
+                    let count = counter.load(Ordering::Relaxed);
+                    counter.store(0, Ordering::Relaxed);
+                    count
+                })
+            });
             for _ in 0..count {
                 each(error);
             }

@@ -11,7 +11,7 @@ use crate::settings::{DemandSource, EngineSettings};
 use crate::vehicle::{Arming, Vehicle};
 use embassy_time::{Duration, Instant};
 use heapless::Vec;
-use jetlink::channel::{Events, Source};
+use jetlink::channel::{Events, Setup, Source};
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::Service;
@@ -54,6 +54,7 @@ struct LastStart {
 #[derive(Debug)]
 pub(crate) struct Engine<'a> {
     pub source: Source<'a>,
+    pub setup: Setup<'a>,
     /// Settings of the supervision, the link and the ECU, as the parameters have them.
     pub config: EngineConfig,
     pub settings: EngineSettings,
@@ -86,6 +87,19 @@ pub(crate) struct Engine<'a> {
     pub commanded: Vec<Command, RECORDED>,
 }
 
+/// One engine for the service: the rights to command it as MAVLink and to set it up, and its settings.
+#[derive(Debug)]
+pub struct EngineParts<'a> {
+    /// Claimed with [`jetlink::command::Origin::Mavlink`].
+    pub source: Source<'a>,
+    /// The right to change its settings.
+    pub setup: Setup<'a>,
+    /// Its configuration, which its parameters change.
+    pub config: EngineConfig,
+    /// Its settings of MAVLink.
+    pub settings: EngineSettings,
+}
+
 /// What is known besides the engine.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Situation<'a> {
@@ -106,10 +120,12 @@ impl Situation<'_> {
 }
 
 impl<'a> Engine<'a> {
-    pub fn new(source: Source<'a>, config: EngineConfig, settings: EngineSettings) -> Self {
+    pub fn new(parts: EngineParts<'a>) -> Self {
+        let EngineParts { source, setup, config, settings } = parts;
         let events = source.handle().events();
         Self {
             source,
+            setup,
             config,
             settings,
             events,

@@ -4,7 +4,7 @@
 
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Timer};
-use jetlink::channel::{Channel, Events, Handle};
+use jetlink::channel::{Channel, Events, Handle, Owner};
 use jetlink::command::{Accepted, Command, Demand, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::event::Event;
@@ -47,7 +47,7 @@ impl<E: Ecu> Bench<E> {
 
     /// One command, by whatever source.
     pub fn command(&self, command: Command, origin: Origin) -> Result<Accepted, Rejected> {
-        command_as(&self.handle(), command, origin)
+        command_as(&self.channel.owner(), command, origin)
     }
 
     /// The engine's side of the world, for ever.
@@ -152,10 +152,10 @@ pub fn control_frames(protocol: Protocol, record: &[Entry]) -> Vec<(Nanos, contr
 }
 
 /// One command, by whatever source: a test commands as any of them.
-pub fn command_as(handle: &Handle<'_>, command: Command, origin: Origin) -> Result<Accepted, Rejected> {
+pub fn command_as(owner: &Owner<'_>, command: Command, origin: Origin) -> Result<Accepted, Rejected> {
     let source = match origin {
-        Origin::Emergency => handle.emergency_source(),
-        origin => handle.source(origin),
+        Origin::Emergency => owner.emergency_source(),
+        origin => owner.source(origin),
     };
     source.expect("nobody else holds it").command(command)
 }

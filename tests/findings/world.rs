@@ -3,7 +3,7 @@
 
 use crate::wire::{self, Frame};
 use embassy_time::{Duration, Timer};
-use jetlink::channel::Handle;
+use jetlink::channel::{Handle, Owner};
 use jetlink::command::{Accepted, Command, Demand, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::amt::codec::EngineModel;
@@ -182,7 +182,11 @@ impl<const N: usize> World<N> {
     }
 
     pub fn handle(&self, engine: usize) -> Handle<'static> {
-        self.node.expect("the node works").handles()[engine]
+        self.owner(engine).handle()
+    }
+
+    fn owner(&self, engine: usize) -> Owner<'static> {
+        self.node.expect("the node works").owners()[engine]
     }
 
     /// The same node, held in reset, gets other settings and another ECU; its memory stays.
@@ -229,10 +233,10 @@ impl<const N: usize> World<N> {
         origin: Origin,
         command: Command,
     ) -> Result<Accepted, Rejected> {
-        let handle = self.handle(engine);
+        let owner = self.owner(engine);
         let source = match origin {
-            Origin::Emergency => handle.emergency_source(),
-            origin => handle.source(origin),
+            Origin::Emergency => owner.emergency_source(),
+            origin => owner.source(origin),
         };
         source.expect("nobody else holds it").command(command)
     }

@@ -11,7 +11,7 @@ use crate::radio::{Layout, Receiver, Transmitter};
 use crate::settings::Setup;
 use crate::valve::{Valve, Wiring};
 use crate::wire::Reader;
-use jetlink::channel::Handle;
+use jetlink::channel::Owner;
 use jetlink::command::Origin;
 use jetlink::engine::retained::RetainedState;
 use jetlink::units::Hectopascals;
@@ -204,7 +204,7 @@ impl EngineContext {
     }
 
     /// Everything here but the node does what it does, once.
-    pub fn act(&mut self, rng: &mut Rng, handle: Option<&Handle<'_>>, receiver: Option<&mut Receiver<'_>>) {
+    pub fn act(&mut self, rng: &mut Rng, owner: Option<&Owner<'_>>, receiver: Option<&mut Receiver<'_>>) {
         let at = now();
         let starts = self.plug.ecu(|ecu| ecu.turbine().phase().is_starting());
         let seen = self.history.samples.last().is_some_and(|sample| sample.phase.is_starting());
@@ -222,11 +222,11 @@ impl EngineContext {
             let off = rng.spread(50 * MS, 60 * SECOND);
             self.swap(rng, version, off);
         }
-        self.play_script(rng, handle);
-        self.commands_now(rng, handle);
+        self.play_script(rng, owner);
+        self.commands_now(rng, owner);
         self.transmit(rng, receiver);
-        if let Some(handle) = handle {
-            self.valve.follow(&mut self.history, at, &handle.telemetry());
+        if let Some(owner) = owner {
+            self.valve.follow(&mut self.history, at, &owner.handle().telemetry());
         }
     }
 
@@ -235,10 +235,10 @@ impl EngineContext {
         &mut self,
         record: Option<RetainedState>,
         has_failed: bool,
-        handle: &Handle<'a>,
+        owner: &Owner<'a>,
     ) -> Option<Receiver<'a>> {
         self.valve.begin(&mut self.history, now(), record, has_failed);
-        self.transmitter.as_mut().map(|transmitter| transmitter.receiver(handle, &self.setup.config))
+        self.transmitter.as_mut().map(|transmitter| transmitter.receiver(owner, &self.setup.config))
     }
 
     /// The next frame of radio control, if it is due.
@@ -276,7 +276,7 @@ impl EngineContext {
         self.valve.release(&mut self.history, now());
     }
 
-    fn play_script(&mut self, rng: &mut Rng, handle: Option<&Handle<'_>>) {
+    fn play_script(&mut self, rng: &mut Rng, owner: Option<&Owner<'_>>) {
         let at = now();
         while let Some((_, act)) = self.script.acts.pop_front_if(|(when, _)| *when <= at) {
             match act {
@@ -284,7 +284,7 @@ impl EngineContext {
                     self.script.streams[source] = command;
                     self.script.next_commands = at;
                 }
-                Act::Once(source, command) => self.send_command(handle, source, command),
+                Act::Once(source, command) => self.send_command(owner, source, command),
                 Act::Fault(fault, length) => {
                     self.disturber.begin(rng, &self.plug, &mut self.history, fault, at, at + length);
                     self.note(format!("{fault} for {} ms", length / MS));
@@ -296,7 +296,7 @@ impl EngineContext {
             self.script.next_commands = at + 100 * MS;
             for (source, command) in self.script.streams.into_iter().enumerate() {
                 if let Some(command) = command {
-                    self.send_command(handle, source, command);
+                    self.send_command(owner, source, command);
                 }
             }
         }
@@ -389,34 +389,34 @@ impl EngineContext {
     }
 
     /// What the pilots command now reaches the node, if there is one.
-    fn commands_now(&mut self, rng: &mut Rng, handle: Option<&Handle<'_>>) {
+    fn commands_now(&mut self, rng: &mut Rng, owner: Option<&Owner<'_>>) {
         let at = now();
         if self.pilots.iter().all(|pilot| pilot.next > at) {
             return;
         }
         let view = self.view();
-        if let Some(handle) = handle.filter(|_| rng.percent(1))
+        if let Some(owner) = owner.filter(|_| rng.percent(1))
             && let Ok(pressure) = Hectopascals::new(rng.between(300, 1100) as u16)
         {
-            handle.pressure(pressure);
+            owner.setup().pressure(pressure);
         }
         for index in 0..self.pilots.len() {
             let commands = self.pilots[index].commands_now(rng, &view);
             let source = self.pilots[index].source;
             for command in commands {
-                self.send_command(handle, source, command);
+                self.send_command(owner, source, command);
             }
         }
     }
 
-    fn send_command(&mut self, handle: Option<&Handle<'_>>, source: usize, command: PilotCommand) {
-        let (Some(handle), Some(to_send)) = (handle, self.setup.command(command)) else {
+    fn send_command(&mut self, owner: Option<&Owner<'_>>, source: usize, command: PilotCommand) {
+        let (Some(owner), Some(to_send)) = (owner, self.setup.command(command)) else {
             return;
         };
         // What is answered is not looked at.
         let claimed = match Origin::SOURCES[source] {
-            Origin::Emergency => handle.emergency_source(),
-            origin => handle.source(origin),
+            Origin::Emergency => owner.emergency_source(),
+            origin => owner.source(origin),
         };
         let _ = claimed.expect("nobody else holds it").command(to_send);
         self.history.commanded.push(Commanded { at: now(), source, command });

@@ -4,7 +4,7 @@ use crate::history::{MS, PilotCommand, Position, SECOND, Sticks};
 use crate::pilots::{Rng, View};
 use crate::settings;
 use embassy_time::Instant;
-use jetlink::channel::Handle;
+use jetlink::channel::Owner;
 use jetlink::command::Origin;
 use jetlink::config::EngineConfig;
 use jetlink_rc::input::Input;
@@ -115,8 +115,8 @@ impl Transmitter {
     }
 
     /// The receiver of a node that begins.
-    pub fn receiver<'a>(&mut self, handle: &Handle<'a>, config: &EngineConfig) -> Receiver<'a> {
-        let source = handle.source(Origin::Rc).expect("nobody else holds it");
+    pub fn receiver<'a>(&mut self, owner: &Owner<'a>, config: &EngineConfig) -> Receiver<'a> {
+        let source = owner.source(Origin::Rc).expect("nobody else holds it");
         let pilot = Pilot::new(source, config, self.layout.settings).expect("they are right");
         self.armings = 0;
         Service::new(Input::Sbus(Sbus::new()), [pilot])

@@ -10,7 +10,7 @@ use crate::line::{InFlight, Line, Quality};
 use crate::pilots::{Rng, View};
 use crate::settings;
 use embassy_time::Instant;
-use jetlink::channel::Handle;
+use jetlink::channel::Owner;
 use jetlink::command::Origin;
 use jetlink::config::EngineConfig;
 use jetlink_mavlink::port::PortConfig;
@@ -228,7 +228,7 @@ impl Vehicle {
     pub fn begin<'a, const N: usize>(
         &mut self,
         now: u64,
-        handles: &[Handle<'a>],
+        owners: &[Owner<'a>],
         configs: &[EngineConfig],
     ) -> Receiver<'a, N> {
         let mut node = NodeSettings::DEFAULT;
@@ -238,7 +238,8 @@ impl Vehicle {
             .people
             .iter()
             .map(|person| EngineParts {
-                source: handles[person.engine].source(Origin::Mavlink).expect("nobody else holds it"),
+                source: owners[person.engine].source(Origin::Mavlink).expect("nobody else holds it"),
+                setup: owners[person.engine].setup(),
                 config: configs[person.engine],
                 settings: person.settings,
             })

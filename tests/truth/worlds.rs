@@ -11,7 +11,7 @@ use crate::radio::Receiver;
 use crate::settings::{self, Setup};
 use crate::vehicle::{self, Receiver as Service, Vehicle};
 use embassy_time::{Duration, Ticker};
-use jetlink::channel::Handle;
+use jetlink::channel::Owner;
 use jetlink::config::EngineConfig;
 use jetlink::engine::retained::{self, RetainedMemory};
 use jetlink::line::LineError;
@@ -215,7 +215,7 @@ fn act_all<const N: usize>(
     rng: &mut Rng,
     contexts: &mut [EngineContext],
     vehicle: &mut Option<Vehicle>,
-    handles: &[Handle<'_>],
+    owners: &[Owner<'_>],
     receivers: &mut [Option<Receiver<'_>>],
     service: Option<&mut Service<'_, N>>,
     look: bool,
@@ -224,7 +224,7 @@ fn act_all<const N: usize>(
         vehicle.act(now(), contexts, service);
     }
     for (port, context) in contexts.iter_mut().enumerate() {
-        context.act(rng, handles.get(port), receivers.get_mut(port).and_then(Option::as_mut));
+        context.act(rng, owners.get(port), receivers.get_mut(port).and_then(Option::as_mut));
         if look {
             context.look();
         }
@@ -282,15 +282,15 @@ fn boot<const N: usize>(
         Cause::BrownOut | Cause::PowerOn => retained::Reset::PowerLost,
     };
     let node = Node::new(configs, Some((memory, reset))).expect("valid");
-    let handles = node.handles();
+    let owners = node.owners();
     // From what was retained, before anything else.
     let mut receivers = Vec::new();
-    let places = contexts.iter_mut().zip(configs).zip(memory).zip(&handles).enumerate();
-    for (engine, (((context, config), memory), handle)) in places {
+    let places = contexts.iter_mut().zip(configs).zip(memory).zip(&owners).enumerate();
+    for (engine, (((context, config), memory), owner)) in places {
         let record = memory.load(config.fingerprint(), reset);
-        receivers.push(context.begin(record, failed.close(engine), handle));
+        receivers.push(context.begin(record, failed.close(engine), owner));
     }
-    let mut service = vehicle.as_mut().map(|vehicle| vehicle.begin::<N>(now(), &handles, configs));
+    let mut service = vehicle.as_mut().map(|vehicle| vehicle.begin::<N>(now(), &owners, configs));
     let mut tasks: Tasks<'_> = nature(contexts);
     for ((runner, (rx, tx)), context) in node.runners().into_iter().zip(halves.drain(..)).zip(contexts.iter())
     {
@@ -317,7 +317,7 @@ fn boot<const N: usize>(
             contexts.iter_mut().for_each(|context| context.fly(rng));
         }
         let look = at >= look_at;
-        act_all(rng, contexts, vehicle, &handles, &mut receivers, service.as_mut(), look);
+        act_all(rng, contexts, vehicle, &owners, &mut receivers, service.as_mut(), look);
         if look {
             look_at = at + LOOK;
             blow = fate.sooner(rng, contexts, reset_at).or(blow);

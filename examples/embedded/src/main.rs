@@ -81,7 +81,7 @@ async fn main(spawner: Spawner) {
     static CHANNEL: StaticCell<Channel> = StaticCell::new();
     let channel: &'static Channel = CHANNEL.init(Channel::new(&ENGINE, Some((&RETAINED, reset()))));
     spawner.spawn(engine(channel.runner(), uart).unwrap());
-    spawner.spawn(pilot(channel.handle().source(Origin::Bench).unwrap()).unwrap());
+    spawner.spawn(pilot(channel.owner().source(Origin::Bench).unwrap()).unwrap());
     // 5. A watchdog is fed only while `jetlink::watch::RunnerWatch` finds no runner stuck. There is none here: see
     //    `supervisor` in jetlink's src/firmware.rs.
 }

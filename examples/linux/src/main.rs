@@ -31,7 +31,7 @@ async fn run() -> Result<(), Box<dyn std::error::Error>> {
 
     // Nothing here survives the end of the program, so there is nothing to retain.
     let channel = Channel::new(&ENGINE, None);
-    let source = channel.handle().source(Origin::Bench)?;
+    let source = channel.owner().source(Origin::Bench)?;
     let errors = LineErrors::new();
     let runner = channel.runner().run(FromTokio::new(rx), FromTokio::new(tx), &errors);
     tokio::select! {

@@ -70,8 +70,14 @@ impl Mavlink {
     pub async fn serve(&self, node: &Node<'_>, channels: &[Channel], radio: Option<(&Radio, &Receiver<'_>)>) {
         let mut parts = Vec::new();
         for (i, (channel, settings)) in channels.iter().zip(self.engines.borrow().iter()).enumerate() {
-            let Ok(source) = channel.handle_in(channels).source(Origin::Mavlink) else { continue };
-            parts.push(EngineParts { source, config: node.config(i), settings: *settings });
+            let owner = channel.owner_in(channels);
+            let Ok(source) = owner.source(Origin::Mavlink) else { continue };
+            parts.push(EngineParts {
+                source,
+                setup: owner.setup(),
+                config: node.config(i),
+                settings: *settings,
+            });
         }
         let settings = *self.settings.borrow();
         let signing = self.signing.borrow().clone();

@@ -221,10 +221,10 @@ impl<'a> Node<'a> {
         origin: Origin,
     ) -> Option<Result<Accepted, Rejected>> {
         let channels = self.channels.borrow().clone()?;
-        let handle = channels.get(engine)?.handle_in(&channels);
+        let owner = channels.get(engine)?.owner_in(&channels);
         let source = match origin {
-            Origin::Emergency => handle.emergency_source(),
-            origin => handle.source(origin),
+            Origin::Emergency => owner.emergency_source(),
+            origin => owner.source(origin),
         };
         // Held for this command only, so that all code of the rig may command as any source.
         let answer = source.ok()?.command(command);
@@ -244,7 +244,11 @@ impl<'a> Node<'a> {
         let channels = self.channels.borrow().clone()?;
         let mut all = Vec::new();
         let demand = demand.unwrap_or(Demand::Throttle(Throttle::IDLE));
-        channels.get(engine)?.handle_in(&channels).start_refusals(demand, origin, |why| all.push(why));
+        channels
+            .get(engine)?
+            .owner_in(&channels)
+            .handle()
+            .start_refusals(demand, origin, |why| all.push(why));
         Some(all)
     }
 

@@ -69,7 +69,7 @@ impl Radio {
     pub fn begin<'a>(&self, node: &Node<'_>, channels: &'a [Channel]) -> Receiver<'a> {
         let mut pilots = Vec::new();
         for (i, (channel, settings)) in channels.iter().zip(self.settings.get()).enumerate() {
-            let Ok(source) = channel.handle_in(channels).source(Origin::Rc) else { continue };
+            let Ok(source) = channel.owner_in(channels).source(Origin::Rc) else { continue };
             // They were checked when they were set.
             pilots.extend(Pilot::new(source, &node.config(i), settings).ok());
         }

@@ -8,6 +8,7 @@ pub mod parameters;
 mod signing;
 
 use crate::attached::{Attached, Nothing, sealed::Streams};
+pub use crate::engine::EngineParts;
 use crate::engine::{Engine, Situation};
 use crate::frame::Address;
 use crate::ids::Severity;
@@ -23,7 +24,6 @@ use crate::text::{Limiter, pieces, text};
 use crate::vehicle::Vehicle;
 use embassy_time::{Duration, Instant};
 use heapless::{Deque, Vec};
-use jetlink::channel::Source;
 #[cfg(feature = "record")]
 use jetlink::command::Command;
 use jetlink::config::EngineConfig;
@@ -130,17 +130,6 @@ struct Pending {
     old: i32,
 }
 
-/// One engine for the service: the right to command it as MAVLink, and its settings.
-#[derive(Debug)]
-pub struct EngineParts<'a> {
-    /// Claimed with [`jetlink::command::Origin::Mavlink`].
-    pub source: Source<'a>,
-    /// Its configuration, which its parameters change.
-    pub config: EngineConfig,
-    /// Its settings of MAVLink.
-    pub settings: EngineSettings,
-}
-
 /// Component of the node that a message is for.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Place {
@@ -181,11 +170,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         ports: impl IntoIterator<Item = PortConfig>,
         attached: A,
     ) -> Self {
-        let engines: Vec<Engine<'a>, N> = engines
-            .into_iter()
-            .take(N)
-            .map(|parts| Engine::new(parts.source, parts.config, parts.settings))
-            .collect();
+        let engines: Vec<Engine<'a>, N> = engines.into_iter().take(N).map(Engine::new).collect();
         let count = engines.len();
         Self {
             attached,

@@ -256,12 +256,11 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         config: &EngineConfig,
         row: &'static Row,
     ) -> Result<(), Refusal> {
-        let handle = engine.source.handle();
         match row.effect {
             Effect::AtRest => {
-                handle.configure_link(&LinkSettings::from(config)).map_err(|_| Refusal::LineTooSlow)
+                engine.setup.configure_link(&LinkSettings::from(config)).map_err(|_| Refusal::LineTooSlow)
             }
-            _ => handle.configure(&config.supervision).map_err(|_| Refusal::OutOfRange(row)),
+            _ => engine.setup.configure(&config.supervision).map_err(|_| Refusal::OutOfRange(row)),
         }
     }
 }

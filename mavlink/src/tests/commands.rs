@@ -280,7 +280,7 @@ fn what_another_source_arms_after_a_stop_stays_armed() {
         run(async |world| {
             world.plane.alive.set(alive);
             world.until("standby", 30, || world.telemetry(0).state == EngineState::Standby).await;
-            let radio = world.node.handles()[0].source(Origin::Rc).expect("nobody else is radio control");
+            let radio = world.node.owners()[0].source(Origin::Rc).expect("nobody else is radio control");
             radio.command(Command::EmergencyStop).expect("never refused");
             world.pass(3.0).await;
             assert!(world.telemetry(0).stop_latched);

@@ -160,9 +160,10 @@ fn damaged_streams(frames: u64, seed: u64) {
     ];
     let node: Node<2> = Node::new(&engines, None).unwrap();
     let identity = Identity { system: 3, ..Identity::DEFAULT };
-    let parts = node.sources(Origin::Mavlink).into_iter().zip(engines);
-    let parts = parts.map(|(source, config)| EngineParts {
-        source: source.unwrap(),
+    let parts = node.owners().into_iter().zip(engines);
+    let parts = parts.map(|(owner, config)| EngineParts {
+        source: owner.source(Origin::Mavlink).unwrap(),
+        setup: owner.setup(),
         config,
         settings: EngineSettings::DEFAULT,
     });

@@ -249,9 +249,10 @@ impl World<'_> {
             ports,
             Toy(self.toy.clone()),
         ));
-        let parts = self.node.sources(Origin::Mavlink).into_iter().zip(engines);
-        let parts = parts.map(|(source, (config, settings))| EngineParts {
-            source: source.unwrap(),
+        let parts = self.node.owners().into_iter().zip(engines);
+        let parts = parts.map(|(owner, (config, settings))| EngineParts {
+            source: owner.source(Origin::Mavlink).unwrap(),
+            setup: owner.setup(),
             config,
             settings,
         });
@@ -495,9 +496,10 @@ pub fn run_signed(
     let zk = ZkEcu::new(ZkConfig::new(5).on(line(engines[1].line)));
     let (left_rx, left_tx, left) = sim::wire::connect(amt, line(engines[0].line), 1);
     let (right_rx, right_tx, right) = sim::wire::connect(zk, line(engines[1].line), 2);
-    let parts = node.sources(Origin::Mavlink).into_iter().zip(engines).zip([3, 4]);
-    let parts = parts.map(|((source, config), output)| EngineParts {
-        source: source.unwrap(),
+    let parts = node.owners().into_iter().zip(engines).zip([3, 4]);
+    let parts = parts.map(|((owner, config), output)| EngineParts {
+        source: owner.source(Origin::Mavlink).unwrap(),
+        setup: owner.setup(),
         config,
         settings: EngineSettings { output, ..EngineSettings::DEFAULT },
     });

@@ -49,12 +49,12 @@ fn calibration_of_stick_and_switch_is_refused_while_the_engine_turns() {
     let line = sim::line::Line::n1(9600);
     let (rx, tx, plug) = sim::wire::connect(ZkEcu::new(ZkConfig::new(5).on(line)), line, 1);
     let channel = Channel::new(&ENGINE, None);
-    let handle = channel.handle();
-    let pilot = Pilot::new(handle.source(Origin::Rc).unwrap(), &ENGINE, EngineSettings::DEFAULT).unwrap();
+    let owner = channel.owner();
+    let pilot = Pilot::new(owner.source(Origin::Rc).unwrap(), &ENGINE, EngineSettings::DEFAULT).unwrap();
     let radio = RefCell::new(Service::<'_, 1>::new(Input::Sbus(Sbus::new()), [pilot]));
     let shared = Shared::new();
     let mut parameters = Parameters::new(Some(&radio), Some((&shared, [OutputSettings::DEFAULT])));
-    let bench = handle.source(Origin::Bench).unwrap();
+    let bench = owner.source(Origin::Bench).unwrap();
     let wait =
         async |seconds| clock::until(Duration::from_secs(seconds), Duration::from_millis(20), || false).await;
     let scenario = async {
@@ -124,7 +124,7 @@ fn calibration_of_stick_and_switch_is_refused_while_the_engine_turns() {
         };
         select(stream(Command::Standby), wait(2)).await;
         let running = clock::until(Duration::from_secs(120), Duration::from_millis(20), || {
-            handle.telemetry().state == EngineState::Running
+            owner.handle().telemetry().state == EngineState::Running
         });
         let running = select(stream(Command::Run(Demand::Throttle(Throttle::IDLE))), running).await;
         assert!(matches!(running, embassy_futures::select::Either::Second(true)));

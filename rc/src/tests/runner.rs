@@ -198,10 +198,11 @@ fn run(crsf: bool, scenario: impl AsyncFnOnce(&World<'_, '_>)) {
     ];
     let wires = ecus.map(|(ecu, line)| sim::wire::connect(ecu.on(line).ecu(), line, 1));
     let channels = configs.each_ref().map(|config| Channel::new(config, None));
-    let engines = channels.each_ref().map(|channel| channel.handle_in(&channels));
+    let owners = channels.each_ref().map(|channel| channel.owner_in(&channels));
+    let engines = owners.map(|owner| owner.handle());
     let input = if crsf { Input::Crsf(Crsf::new()) } else { Input::Sbus(Sbus::new()) };
-    let pilots = engines.iter().zip(&configs).map(|(engine, config)| {
-        Pilot::new(engine.source(Origin::Rc).unwrap(), config, EngineSettings::DEFAULT).unwrap()
+    let pilots = owners.iter().zip(&configs).map(|(owner, config)| {
+        Pilot::new(owner.source(Origin::Rc).unwrap(), config, EngineSettings::DEFAULT).unwrap()
     });
     let service = RefCell::new(Service::<2>::new(input, pilots));
     let (uart, receiver) = (Uart::default(), Receiver::new(crsf));

@@ -289,18 +289,18 @@ pub struct Life<'a> {
 
 pub async fn life(life: &Life<'_>, (rx, tx): (WireRx, WireTx), scenario: impl AsyncFnOnce(&World<'_>)) {
     let channel = Channel::new(&ENGINE, life.memory);
-    let handle = channel.handle();
+    let owner = channel.owner();
     let retained = life.memory.and_then(|(memory, reset)| memory.load(ENGINE.fingerprint(), reset));
-    let pilot = Pilot::new(handle.source(Origin::Rc).unwrap(), &ENGINE, life.settings).unwrap();
+    let pilot = Pilot::new(owner.source(Origin::Rc).unwrap(), &ENGINE, life.settings).unwrap();
     let world = World {
         radio: life.radio,
-        handle,
+        handle: owner.handle(),
         plug: life.plug,
         pilot: RefCell::new(pilot),
         outputs: RefCell::new(Outputs::new(OutputSettings::DEFAULT, retained, false)),
         input: RefCell::new(life.radio.kind.input()),
         lower: Cell::new(None),
-        lower_source: handle.source(Origin::Mavlink).unwrap(),
+        lower_source: owner.source(Origin::Mavlink).unwrap(),
         outcomes: RefCell::default(),
         valve: RefCell::default(),
     };

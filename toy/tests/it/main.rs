@@ -189,7 +189,7 @@ fn node_takes_settings_of_the_toy_protocol_at_rest() {
         bench.start().await;
         let mut config = ENGINE;
         config.set("TOY_SEND_EVERY", 20).unwrap();
-        bench.handle().configure_link(&LinkSettings::from(&config)).unwrap();
+        bench.channel.owner().setup().configure_link(&LinkSettings::from(&config)).unwrap();
         let before = received();
         bench.command_for(throttle(0), Duration::from_secs(1)).await;
         assert_eq!(received() - before, 10, "it runs");

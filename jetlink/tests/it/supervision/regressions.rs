@@ -100,9 +100,9 @@ fn a_command_before_the_engine_begins_does_not_release_a_retained_stop() {
     let stored = RetainedState { armed: true, ..RetainedState::new(Order::EmergencyStop, Origin::Rc) };
     memory.store(&stored, config.fingerprint());
     let channel = Channel::new(&config, Some((memory, Reset::Warm)));
-    let handle = channel.handle();
-    assert_eq!(handle.source(Origin::Bench).unwrap().command(Command::Disarm), Ok(Accepted::InForce));
-    assert_eq!(handle.emergency_source().unwrap().command(Command::ReleaseStop), Err(Rejected::NoLink));
+    let owner = channel.owner();
+    assert_eq!(owner.source(Origin::Bench).unwrap().command(Command::Disarm), Ok(Accepted::InForce));
+    assert_eq!(owner.emergency_source().unwrap().command(Command::ReleaseStop), Err(Rejected::NoLink));
     // It counts as one more reset without a source.
     let retained = RetainedState { resets: 1, ..RetainedState::new(Order::EmergencyStop, Origin::Rc) };
     assert_eq!(memory.load(config.fingerprint(), Reset::Warm), Some(retained));

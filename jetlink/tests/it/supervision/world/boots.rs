@@ -5,7 +5,7 @@ use super::super::rng::Rng;
 use super::rig::{MS, Rig, SECOND, command_as, now, throttle};
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, ReadReady};
-use jetlink::channel::Handle;
+use jetlink::channel::Owner;
 use jetlink::command::{Command, Origin};
 use jetlink::config::EngineConfig;
 use jetlink::engine::retained::{Reset, RetainedMemory};
@@ -75,19 +75,19 @@ pub(super) fn boot<const N: usize>(
 ) -> Result<End, (usize, String)> {
     static ERRORS: LineErrors = LineErrors::new();
     let node = Node::new(configs, Some((memory, how))).expect("valid");
-    let handles = node.handles();
+    let owners = node.owners();
     // Commands may come before the engines' tasks have begun.
     if rng.percent(30) {
         let port = rng.below(N as u64) as usize;
         let command = rng.pick(&[Command::Arm, Command::Disarm, Command::Run(throttle(0)), Command::Standby]);
         let origin = rng.pick(&Origin::SOURCES);
-        let _ = rigs[port].command(&handles[port], origin, command);
+        let _ = rigs[port].command(&owners[port], origin, command);
     }
     let mut tasks: Vec<Pin<Box<dyn Future<Output = ()> + '_>>> = Vec::new();
     for (port, runner) in node.runners().into_iter().enumerate() {
         let plug = rigs[port].plug.clone();
         tasks.push(Box::pin(async move { match plug.run().await {} }));
-        let mut events = handles[port].events().expect("a place is free");
+        let mut events = owners[port].handle().events().expect("a place is free");
         let published = rigs[port].published.clone();
         tasks.push(Box::pin(async move {
             loop {
@@ -115,11 +115,11 @@ pub(super) fn boot<const N: usize>(
             return Ok(End::Time);
         }
         if at >= reset_at {
-            return Ok(End::Reset(reset(rng, rigs, &handles, memory)));
+            return Ok(End::Reset(reset(rng, rigs, &owners, memory)));
         }
         for (port, rig) in rigs.iter_mut().enumerate() {
             rig.disturb(rng);
-            rig.command_all(rng, &handles[port]);
+            rig.command_all(rng, &owners[port]);
             if at >= look_at {
                 rig.look_at_ecu();
             }
@@ -149,7 +149,7 @@ pub(super) fn boot<const N: usize>(
 pub(super) fn reset<const N: usize>(
     rng: &mut Rng,
     rigs: &mut [Rig; N],
-    handles: &[Handle<'_>; N],
+    owners: &[Owner<'_>; N],
     memory: &'static [RetainedMemory; N],
 ) -> Retained {
     match rng.below(10) {
@@ -182,7 +182,7 @@ pub(super) fn reset<const N: usize>(
             let origin = rng.pick(&Origin::SOURCES);
             let read = || words(&memory[port]).each_ref().map(|intent| intent.load(Ordering::Relaxed));
             let before = read();
-            let answer = command_as(&handles[port], command, origin);
+            let answer = command_as(&owners[port], command, origin);
             let after = read();
             let written = rng.below(WORDS as u64 + 1) as usize;
             let copy = (0..2).find(|copy| before[copy * WORDS..][..WORDS] != after[copy * WORDS..][..WORDS]);

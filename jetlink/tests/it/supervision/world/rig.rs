@@ -4,7 +4,7 @@ use super::super::ecus;
 use super::super::oracle::{DARK, Input, Oracle, Truth};
 use super::super::reader::Reader;
 use core::fmt;
-use jetlink::channel::Handle;
+use jetlink::channel::Owner;
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::event::Event;
@@ -160,14 +160,14 @@ impl Rig {
 
     pub(super) fn command(
         &mut self,
-        handle: &Handle<'_>,
+        owner: &Owner<'_>,
         origin: Origin,
         command: Command,
     ) -> Result<Accepted, Rejected> {
         let mut command = command;
         if let Command::Run(Demand::Rpm(_)) = command {
             // Whether the ECU can do it is not reported then, and decides whether the source counts as received.
-            let telemetry = handle.telemetry();
+            let telemetry = owner.handle().telemetry();
             if telemetry.stop_latched || telemetry.ordered.order == Order::Listen {
                 command = Command::Run(throttle(0));
             }
@@ -177,7 +177,7 @@ impl Rig {
             // What the ECU is like at this instant decides.
             self.look_at_ecu();
         }
-        let answer = command_as(handle, command, origin);
+        let answer = command_as(owner, command, origin);
         self.input(Input::Commanded(origin, command, answer));
         answer
     }
@@ -248,14 +248,10 @@ impl Rig {
     }
 }
 
-pub(super) fn command_as(
-    handle: &Handle<'_>,
-    command: Command,
-    origin: Origin,
-) -> Result<Accepted, Rejected> {
+pub(super) fn command_as(owner: &Owner<'_>, command: Command, origin: Origin) -> Result<Accepted, Rejected> {
     let source = match origin {
-        Origin::Emergency => handle.emergency_source(),
-        origin => handle.source(origin),
+        Origin::Emergency => owner.emergency_source(),
+        origin => owner.source(origin),
     };
     source.expect("nobody else holds it").command(command)
 }

@@ -2,7 +2,7 @@
 
 use super::super::rng::Rng;
 use super::rig::{MS, Program, Rig, SECOND, now, throttle};
-use jetlink::channel::Handle;
+use jetlink::channel::Owner;
 use jetlink::command::{Command, Demand, Origin, Rejected};
 use jetlink::units::Rpm;
 
@@ -17,28 +17,28 @@ impl Rig {
         throttle(if rng.percent(15) { 0 } else { rng.below(1001) })
     }
 
-    pub(super) fn command_all(&mut self, rng: &mut Rng, handle: &Handle<'_>) {
+    pub(super) fn command_all(&mut self, rng: &mut Rng, owner: &Owner<'_>) {
         let now = now();
         if now >= self.next_stop {
             self.next_stop = now + rng.wait(400 * SECOND);
             let origin = rng.pick(&Origin::SOURCES);
-            let _ = self.command(handle, origin, Command::EmergencyStop);
+            let _ = self.command(owner, origin, Command::EmergencyStop);
             if rng.percent(30) {
-                let _ = self.command(handle, origin, Command::ReleaseStop);
+                let _ = self.command(owner, origin, Command::ReleaseStop);
             }
         }
         if now >= self.next_arm {
             self.next_arm = now + rng.wait(5 * SECOND);
             let origin = rng.pick(&Origin::SOURCES);
             let command = if rng.percent(90) { Command::Arm } else { Command::Disarm };
-            let answer = self.command(handle, origin, command);
+            let answer = self.command(owner, origin, command);
             if answer == Err(Rejected::DisarmFirst) && rng.percent(70) {
-                let _ = self.command(handle, origin, Command::Disarm);
-                let _ = self.command(handle, origin, Command::Arm);
+                let _ = self.command(owner, origin, Command::Disarm);
+                let _ = self.command(owner, origin, Command::Arm);
             }
             if rng.percent(50) {
                 let origin = rng.pick(&Origin::SOURCES);
-                let _ = self.command(handle, origin, Command::ReleaseStop);
+                let _ = self.command(owner, origin, Command::ReleaseStop);
             }
         }
         if now >= self.next_silence {
@@ -59,7 +59,7 @@ impl Rig {
             }
             if now >= self.sources[index].next {
                 if now >= self.silent_until {
-                    self.receive(rng, handle, index, now);
+                    self.receive(rng, owner, index, now);
                 }
                 let source = &mut self.sources[index];
                 source.next = now + source.period + rng.below(source.period / 5);
@@ -85,7 +85,7 @@ impl Rig {
         }
     }
 
-    pub(super) fn receive(&mut self, rng: &mut Rng, handle: &Handle<'_>, index: usize, now: u64) {
+    pub(super) fn receive(&mut self, rng: &mut Rng, owner: &Owner<'_>, index: usize, now: u64) {
         let truth = self.truth;
         let source = &mut self.sources[index];
         let command = match source.program {
@@ -137,6 +137,6 @@ impl Rig {
             },
         };
         let origin = self.sources[index].origin;
-        let _ = self.command(handle, origin, command);
+        let _ = self.command(owner, origin, command);
     }
 }
