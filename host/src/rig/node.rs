@@ -40,7 +40,7 @@ pub enum Cause {
     Watchdog,
     /// The supply dipped, and the memory is whole.
     BrownOut,
-    /// The supply was gone: what was kept is lost too.
+    /// The supply was gone: the retained state is lost too.
     PowerLost,
 }
 
@@ -94,7 +94,7 @@ impl<'a> Node<'a> {
         node
     }
 
-    /// It starts, with what was kept. Gives its channels, for the tasks that live and die with them.
+    /// It starts, with the retained state. Gives its channels, for the tasks that live and die with them.
     pub fn boot(&self) -> Rc<[Channel]> {
         let reset = match self.cause.get() {
             Cause::Watchdog => retained::Reset::Warm,

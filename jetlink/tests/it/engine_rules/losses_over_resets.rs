@@ -20,7 +20,7 @@ fn in_a_reset_loop_a_lower_source_that_streams_standby_does_not_hold_a_lost_dema
         }
         assert!(
             last.iter().all(|tenths| *tenths == 0),
-            "{ecu:?}: RC dead for 40 s, and the wire says run at {last:?}"
+            "{ecu:?}: RC dead for 40 s, and run is sent at {last:?}"
         );
     }
 }
@@ -176,7 +176,7 @@ fn in_a_reset_loop_a_lower_source_that_runs_does_not_hold_a_lost_demand() {
         }
         assert!(
             last.iter().all(|tenths| *tenths <= 200),
-            "{ecu:?}: RC dead for 40 s, and the wire says run at {last:?}"
+            "{ecu:?}: RC dead for 40 s, and run is sent at {last:?}"
         );
     }
 }
@@ -206,7 +206,7 @@ fn in_a_brown_out_loop_with_all_sources_silent_the_demand_falls_to_the_fail_safe
         }
         assert!(
             last.iter().all(|tenths| *tenths == 0),
-            "{ecu:?}: nobody has commanded for 30 s, and the wire says run at {last:?}"
+            "{ecu:?}: nobody has commanded for 30 s, and run is sent at {last:?}"
         );
     }
 }

@@ -20,10 +20,10 @@ fn in_doubt_only_keep_alives_and_in_mode_3_the_rpm_are_sent() {
         bench.order(bench.now_us(), Order::Standby).unwrap();
         runs(&mut bench);
         bench.order(bench.now_us(), order).unwrap();
-        assert!(turns(&mut bench, 4).iter().any(|frame| frame[..] != zk::keep_alive()), "the control");
+        assert!(slots(&mut bench, 4).iter().any(|frame| frame[..] != zk::keep_alive()), "the control");
         bench.run_to_us(bench.now_us() + 20_000);
         bench.order(bench.now_us(), doubt(order)).unwrap();
-        let mut frames = turns(&mut bench, 4);
+        let mut frames = slots(&mut bench, 4);
         if frames[0] != expected[0] {
             frames.rotate_left(1);
         }
@@ -31,7 +31,7 @@ fn in_doubt_only_keep_alives_and_in_mode_3_the_rpm_are_sent() {
         // When the link is lost the version is discarded; the engine is still in mode 3.
         bench.run_to_us(bench.now_us() + 600_000);
         bench.frames();
-        let mut frames = turns(&mut bench, 4);
+        let mut frames = slots(&mut bench, 4);
         if frames[0] != expected[0] {
             frames.rotate_left(1);
         }
@@ -50,7 +50,7 @@ fn in_doubt_only_keep_alives_and_in_mode_3_the_rpm_are_sent() {
     // With no mode 3 in force an rpm in doubt is ID 0.
     let mut bench = ecu(5);
     bench.order(bench.now_us(), doubt(rpm(100_000))).unwrap();
-    assert_eq!(turns(&mut bench, 10), vec![zk::keep_alive().to_vec(); 10]);
+    assert_eq!(slots(&mut bench, 10), vec![zk::keep_alive().to_vec(); 10]);
 }
 
 /// The pump is closed by ten frames of ID 2, parameter 13, in every second slot, behind the first frame of a stop, whatever
@@ -96,18 +96,18 @@ fn the_pump_is_closed_by_ten_frames_beside_every_stop() {
     // Beside the link that has none to close.
     let mut bench = ecu(5);
     bench.order(bench.now_us(), Order::Standby).unwrap();
-    assert!(turns(&mut bench, 40).iter().all(|frame| id(frame) == 1));
+    assert!(slots(&mut bench, 40).iter().all(|frame| id(frame) == 1));
 }
 
 /// ZK-13: what closes the pump does not come between an unlock and its command.
 #[test]
 fn zk_13_closing_the_pump_does_not_separate_an_unlock_from_its_command() {
-    for turns_before in 0..4 {
+    for slots_before in 0..4 {
         let mut bench = ecu(5);
         bench.order(bench.now_us(), Order::Standby).unwrap();
         bench.run_to_us(bench.now_us() + 60_000);
         bench.act(|link, _| link.close_pump());
-        turns(&mut bench, turns_before + 1);
+        slots(&mut bench, slots_before + 1);
         service(&mut bench, curve(40)).unwrap();
         bench.frames();
         bench.run_to_us(bench.now_us() + 10 * SEND_SLOT_US);

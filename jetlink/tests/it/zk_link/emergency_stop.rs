@@ -44,15 +44,15 @@ fn an_emergency_stop_follows_a_failed_transmission_at_once() {
 /// ZK-9: in mode 3 the first frame of a stop is the one that the ECU obeys: ID 6 with RPM_X = 0.
 #[test]
 fn zk_9_an_emergency_stop_in_mode_3_begins_with_id_6() {
-    for turns_before in 2..=5 {
+    for slots_before in 2..=5 {
         let mut bench = running(4);
         bench.order(bench.now_us(), rpm(100_000)).unwrap();
-        turns(&mut bench, turns_before);
+        slots(&mut bench, slots_before);
         let t = bench.now_us() + 17_000;
         bench.run_to_us(t); // the frame behind a new RPM_X is out, too
         bench.frames();
         bench.order(t, Order::EmergencyStop).unwrap();
-        assert_eq!(bench.frames(), [(t, zk::mode(0, STOP).to_vec())], "{turns_before}");
+        assert_eq!(bench.frames(), [(t, zk::mode(0, STOP).to_vec())], "{slots_before}");
     }
 }
 
@@ -68,7 +68,7 @@ fn an_emergency_stop_pre_empts_everything() {
     bench.order(bench.now_us(), Order::EmergencyStop).unwrap();
     // By ID 1, and in case that another host used it by ID 6.
     let stops = [zk::throttle(STOP, 0), zk::mode(0, STOP)];
-    let frames = turns(&mut bench, 200);
+    let frames = slots(&mut bench, 200);
     assert_eq!(frames[..2], stops);
     for frame in &frames {
         assert!(stops.iter().any(|stop| frame[..] == stop[..]), "{frame:02x?}");
@@ -86,7 +86,7 @@ fn zk_9_an_emergency_stop_alternates_id_1_and_id_6() {
         for version in [4, 5] {
             let mut bench = running(version);
             bench.order(bench.now_us(), before).unwrap();
-            turns(&mut bench, 4);
+            slots(&mut bench, 4);
             bench.run_to_us(bench.now_us() + 20_000);
             bench.frames();
             bench.order(bench.now_us(), Order::EmergencyStop).unwrap();
@@ -108,7 +108,7 @@ fn zk_9_an_emergency_stop_below_version_4_is_id_1() {
     for version in [1, 3] {
         let mut bench = met_running(version);
         bench.order(bench.now_us(), Order::EmergencyStop).unwrap();
-        for frame in turns(&mut bench, 10) {
+        for frame in slots(&mut bench, 10) {
             assert_eq!(frame, zk::throttle(STOP, 0), "{version:?}");
         }
     }
@@ -150,12 +150,12 @@ fn zk_9_after_a_reset_a_stop_and_a_standby_are_sent_in_id_1_and_id_6() {
     let mut bench = link(Config::DEFAULT, LINE);
     bench.act(|link, _| link.restore(LinkRecord::new(1)));
     bench.order(bench.now_us(), throttle(300)).unwrap();
-    assert_eq!(ids(&turns(&mut bench, 10))[1..], [1; 9], "version not known");
+    assert_eq!(ids(&slots(&mut bench, 10))[1..], [1; 9], "version not known");
     // Without the record a standby is ID 1, and there is nothing to record.
     let mut bench = link(Config::DEFAULT, LINE);
     assert_eq!(bench.machine.record(), LinkRecord::EMPTY);
     bench.order(bench.now_us(), Order::Standby).unwrap();
-    assert_eq!(ids(&turns(&mut bench, 10))[1..], [1; 9]);
+    assert_eq!(ids(&slots(&mut bench, 10))[1..], [1; 9]);
 }
 
 /// ZK-9: which of two frames goes first, and that the one that a new RPM_X gives a meaning to follows it directly,
@@ -189,7 +189,7 @@ fn zk_9_the_two_frames_of_an_order_are_sent_in_a_safe_sequence() {
         bench.order(bench.now_us(), Order::Standby).unwrap();
         runs(&mut bench);
         bench.order(bench.now_us(), before).unwrap();
-        turns(&mut bench, 5);
+        slots(&mut bench, 5);
         bench.run_to_us(bench.now_us() + 20_000);
         bench.frames();
         bench.order(bench.now_us(), after).unwrap();
@@ -198,7 +198,7 @@ fn zk_9_the_two_frames_of_an_order_are_sent_in_a_safe_sequence() {
         let sent: Vec<_> = frames.iter().take(first.len()).map(|(_, frame)| &frame[..]).collect();
         assert_eq!(sent, first, "{before:?} to {after:?}");
         // An emergency stop begins at once.
-        let mut turns = frames.iter().skip(usize::from(after == Order::EmergencyStop));
+        let mut slots = frames.iter().skip(usize::from(after == Order::EmergencyStop));
         let mut factor = if before == demand { 4 } else { 0 };
         let mut directly = None;
         if after == Order::EmergencyStop && before == demand {
@@ -206,7 +206,7 @@ fn zk_9_the_two_frames_of_an_order_are_sent_in_a_safe_sequence() {
             factor = 0;
         }
         assert!(
-            turns.all(|(at, frame)| {
+            slots.all(|(at, frame)| {
                 let expected = directly.take();
                 if id(frame) == 6 && frame[2] >> 2 != factor {
                     factor = frame[2] >> 2;
@@ -238,7 +238,7 @@ fn zk_9_nothing_comes_between_a_new_rpm_x_and_its_partner() {
 fn zk_9_rpm_x_stays_with_the_order() {
     let mut bench = running(4);
     let modes = |bench: &mut Bench<ZkLink>| -> Vec<u8> {
-        turns(bench, 6).iter().filter(|frame| id(frame) == 6).map(|frame| frame[2] >> 2).collect()
+        slots(bench, 6).iter().filter(|frame| id(frame) == 6).map(|frame| frame[2] >> 2).collect()
     };
     bench.order(bench.now_us(), rpm(40_000)).unwrap();
     assert!(modes(&mut bench).iter().all(|x| *x == 4));
@@ -263,22 +263,22 @@ fn zk_9_an_ecu_that_ran_already_gets_its_switch_by_id_6() {
     let order = throttle(200);
     let mut bench = met_running(4);
     bench.order(bench.now_us(), order).unwrap();
-    let frames = turns(&mut bench, 2);
+    let frames = slots(&mut bench, 2);
     for frame in [zk::mode(0, RUN), zk::throttle(RUN, 200)] {
         assert!(frames.contains(&frame.to_vec()), "{frames:02x?}");
     }
     let mut old = met_running(3);
     old.order(old.now_us(), order).unwrap();
-    assert_eq!(ids(&turns(&mut old, 10)), [1; 10], "version 3");
+    assert_eq!(ids(&slots(&mut old, 10)), [1; 10], "version 3");
     let mut at_rest = ecu(4);
     at_rest.order(at_rest.now_us(), order).unwrap();
-    assert_eq!(ids(&turns(&mut at_rest, 10)), [1; 10], "it was at rest");
+    assert_eq!(ids(&slots(&mut at_rest, 10)), [1; 10], "it was at rest");
     // A version that one report alone gives is not used.
     let mut once = link(Config::DEFAULT, LINE);
     once.receive(&zk::identity(160, 4, 0));
     runs(&mut once);
     once.order(once.now_us(), order).unwrap();
-    assert_eq!(ids(&turns(&mut once, 10))[1..], [1; 9], "one report");
+    assert_eq!(ids(&slots(&mut once, 10))[1..], [1; 9], "one report");
 }
 
 /// ZK-9: an ECU whose switch is another than the one ordered, in two reports in a row later than 0.7 s after the
@@ -295,7 +295,7 @@ fn zk_9_an_ecu_that_does_not_follow_gets_its_switch_by_id_6() {
                 received_to(&mut bench, 100_000 + after);
                 bench.receive(&engine_status(*switch));
             }
-            ids(&turns(&mut bench, 6)).contains(&6)
+            ids(&slots(&mut bench, 6)).contains(&6)
         };
         for other in others {
             for (version, reports, expected) in [

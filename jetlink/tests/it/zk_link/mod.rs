@@ -46,7 +46,7 @@ const STATE_IGNITION: u8 = 3;
 const STATE_RUNNING: u8 = 11;
 const STATE_UNKNOWN: u8 = 25;
 
-/// One turn at 20 Hz.
+/// One send slot at 20 Hz.
 const SEND_SLOT_US: u64 = 50_000;
 
 const LINE: Line = Line::new(9600);
@@ -132,7 +132,7 @@ fn pressure(bench: &mut Bench<ZkLink>, hectopascals: u16) {
 }
 
 /// The bytes sent in the next slots, while the ECU is received and reports nothing about its engine.
-fn turns(bench: &mut Bench<ZkLink>, count: usize) -> Vec<Vec<u8>> {
+fn slots(bench: &mut Bench<ZkLink>, count: usize) -> Vec<Vec<u8>> {
     bench.frames();
     while bench.waiting_frames() < count {
         received_to(bench, bench.now_us() + 5_000);

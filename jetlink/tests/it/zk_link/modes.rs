@@ -15,7 +15,7 @@ fn zk_9_mode_1_has_switch_and_throttle_in_id_1() {
         (Order::EmergencyStop, STOP, 0),
     ] {
         bench.order(bench.now_us(), order).unwrap();
-        for frame in turns(&mut bench, 3) {
+        for frame in slots(&mut bench, 3) {
             assert_eq!(frame, zk::throttle(sw, tenths), "{order:?}");
         }
     }
@@ -34,7 +34,7 @@ fn zk_9_mode_2_has_the_switch_in_id_6() {
         let (mode, demand) = (zk::mode(0, sw).to_vec(), zk::throttle(sw, tenths).to_vec());
         // To run, the throttle goes first: the switch must not come into force with an old one.
         let (first, second) = if sw == RUN { (demand, mode) } else { (mode, demand) };
-        assert_eq!(turns(&mut bench, 4), [first.clone(), second.clone(), first, second], "{order:?}");
+        assert_eq!(slots(&mut bench, 4), [first.clone(), second.clone(), first, second], "{order:?}");
     }
 }
 
@@ -44,13 +44,13 @@ fn zk_7_mode_2_waits_for_version_4() {
     let config = Config { split_switch: true, ..Config::DEFAULT };
     let mut bench = link(config, LINE);
     bench.order(0, Order::Standby).unwrap();
-    assert_eq!(ids(&turns(&mut bench, 6)), [1; 6], "version not known");
+    assert_eq!(ids(&slots(&mut bench, 6)), [1; 6], "version not known");
     bench.receive(&zk::identity(160, 3, 0));
-    assert_eq!(ids(&turns(&mut bench, 6)), [1; 6], "version 3");
+    assert_eq!(ids(&slots(&mut bench, 6)), [1; 6], "version 3");
     bench.receive(&zk::identity(160, 4, 0));
-    assert_eq!(ids(&turns(&mut bench, 6)), [1; 6], "one report against another");
+    assert_eq!(ids(&slots(&mut bench, 6)), [1; 6], "one report against another");
     bench.receive(&zk::identity(160, 4, 0));
-    let ids = ids(&turns(&mut bench, 6));
+    let ids = ids(&slots(&mut bench, 6));
     assert!(ids.contains(&6) && ids.contains(&1), "version 4: {ids:?}");
 }
 
@@ -62,10 +62,10 @@ fn zk_9_mode_3_has_the_rpm_in_id_7() {
     bench.order(bench.now_us(), rpm(100_000)).unwrap();
     // 160 000 rpm at most: RPM_X = 4, and 100 000 = 2500 × 4 × 10.
     let (demand, mode) = (zk::rpm(2500).to_vec(), zk::mode(4, RUN).to_vec());
-    assert_eq!(turns(&mut bench, 4), [demand.clone(), mode.clone(), demand, mode]);
+    assert_eq!(slots(&mut bench, 4), [demand.clone(), mode.clone(), demand, mode]);
     // A new rpm is in force at the latest two slots later.
     bench.order(bench.now_us(), rpm(100_079)).unwrap();
-    let two = turns(&mut bench, 2);
+    let two = slots(&mut bench, 2);
     assert!(two.contains(&zk::rpm(2501).to_vec()), "never rounded above the demand: {two:02x?}");
 }
 
@@ -83,7 +83,7 @@ fn zk_9_rpm_x_covers_every_maximum() {
                 continue;
             }
             bench.order(bench.now_us(), rpm(demand)).unwrap();
-            let frames = turns(&mut bench, 2);
+            let frames = slots(&mut bench, 2);
             let mode = frames.iter().find(|frame| id(frame) == 6).expect("mode");
             assert_eq!(mode[..], zk::mode(x as u8, RUN), "{max}");
             let code = frames.iter().find(|frame| id(frame) == 7).expect("rpm");
@@ -107,16 +107,16 @@ fn zk_8_no_transition_hands_over_to_pwm() {
     for split_switch in [false, true] {
         for before in orders {
             for after in orders {
-                for turns_before in 1..=3 {
+                for slots_before in 1..=3 {
                     let mut bench = ecu_with(Config { split_switch, ..Config::DEFAULT }, 4, 160);
                     runs(&mut bench);
                     let mut ecu = SimpleEcu::default();
                     bench.order(bench.now_us(), before).unwrap();
-                    for frame in turns(&mut bench, turns_before) {
+                    for frame in slots(&mut bench, slots_before) {
                         ecu.obey(&frame);
                     }
                     bench.order(bench.now_us(), after).unwrap();
-                    for frame in turns(&mut bench, 4) {
+                    for frame in slots(&mut bench, 4) {
                         let switch = match id(&frame) {
                             1 => Some(frame[1] >> 2 & 3),
                             6 => Some(frame[2] & 3),
@@ -126,7 +126,7 @@ fn zk_8_no_transition_hands_over_to_pwm() {
                         ecu.obey(&frame);
                         assert!(ecu.target_rpm <= 160_000, "{before:?} to {after:?}: {ecu:?}");
                     }
-                    assert_eq!(ecu.obeyed(), expected(after), "{before:?} to {after:?} after {turns_before}");
+                    assert_eq!(ecu.obeyed(), expected(after), "{before:?} to {after:?} after {slots_before}");
                 }
             }
         }
@@ -140,13 +140,13 @@ fn zk_8_only_its_own_command_hands_over_to_pwm() {
         let mut bench = running(4);
         let mut ecu = SimpleEcu::default();
         bench.order(bench.now_us(), before).unwrap();
-        turns(&mut bench, 2).iter().for_each(|frame| ecu.obey(frame));
+        slots(&mut bench, 2).iter().for_each(|frame| ecu.obey(frame));
         bench.order(bench.now_us(), Order::Pwm).unwrap();
-        turns(&mut bench, 3).iter().for_each(|frame| ecu.obey(frame));
+        slots(&mut bench, 3).iter().for_each(|frame| ecu.obey(frame));
         assert_eq!(ecu.obeyed(), (PWM, None, Some(0)), "{before:?}");
         // And back again.
         bench.order(bench.now_us(), Order::Standby).unwrap();
-        turns(&mut bench, 3).iter().for_each(|frame| ecu.obey(frame));
+        slots(&mut bench, 3).iter().for_each(|frame| ecu.obey(frame));
         assert_eq!(ecu.obeyed(), (STANDBY, None, Some(0)), "{before:?}");
     }
 }
@@ -160,14 +160,14 @@ fn zk_9_a_stop_reaches_an_ecu_that_was_left_in_mode_3() {
         let mut bench = met_running(4);
         let mut ecu = left();
         bench.order(bench.now_us(), Order::EmergencyStop).unwrap();
-        turns(&mut bench, 6).iter().for_each(|frame| ecu.obey(frame));
+        slots(&mut bench, 6).iter().for_each(|frame| ecu.obey(frame));
         assert_eq!(ecu.obeyed(), expected(Order::EmergencyStop), "left in {left_in:?}");
         // Where nothing is known of ID 6, standby goes by ID 1, and by both when the ECU does not follow.
         let mut bench = met_running(4);
         let mut ecu = left();
         bench.order(bench.now_us(), Order::Standby).unwrap();
         for _ in 0..20 {
-            turns(&mut bench, 1).iter().for_each(|frame| ecu.obey(frame));
+            slots(&mut bench, 1).iter().for_each(|frame| ecu.obey(frame));
             bench.receive(&zk::state(STATE_RUNNING));
         }
         assert_eq!(ecu.obeyed(), expected(Order::Standby), "left in {left_in:?}");
@@ -178,18 +178,18 @@ fn zk_9_a_stop_reaches_an_ecu_that_was_left_in_mode_3() {
 #[test]
 fn zk_9_a_change_of_the_maximum_never_raises_the_target() {
     for (before, after) in [(160, 40), (40, 160), (255, 1), (100, 200)] {
-        for turns_before in 2..=5 {
+        for slots_before in 2..=5 {
             let mut bench = ecu_with(Config::DEFAULT, 4, before);
             runs(&mut bench);
             let demand = 30_000;
             bench.order(bench.now_us(), rpm(demand)).unwrap();
             let mut ecu = SimpleEcu::default();
-            turns(&mut bench, turns_before).iter().for_each(|frame| ecu.obey(frame));
+            slots(&mut bench, slots_before).iter().for_each(|frame| ecu.obey(frame));
             for _ in 0..2 {
                 bench.receive(&zk::identity(after, 4, 0));
-                for frame in turns(&mut bench, 4) {
+                for frame in slots(&mut bench, 4) {
                     ecu.obey(&frame);
-                    assert!(ecu.target_rpm <= demand, "{before} to {after} after {turns_before}: {ecu:?}");
+                    assert!(ecu.target_rpm <= demand, "{before} to {after} after {slots_before}: {ecu:?}");
                 }
             }
             assert_eq!(bench.machine.status().report.max_rpm.unwrap().value.get(), u32::from(after) * 1000);
@@ -213,12 +213,12 @@ fn zk_9_a_stop_in_mode_3_reaches_an_ecu_whose_version_changed() {
             let mut bench = running(4);
             let mut ecu = SimpleEcu::default();
             bench.order(bench.now_us(), rpm(100_000)).unwrap();
-            turns(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
+            slots(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
             for _ in 0..frames {
                 bench.receive(&zk::identity(160, version, 0));
             }
             bench.order(bench.now_us(), order).unwrap();
-            let sent = turns(&mut bench, 6);
+            let sent = slots(&mut bench, 6);
             if version < 4 && frames == 2 && matches!(order, Order::Run(_)) {
                 // Two reports agree on another ECU, which does not know ID 6: to run it is ID 1 alone (ZK-7).
                 assert!(sent.iter().all(|frame| frame[..] == zk::throttle(RUN, 100)), "{sent:02x?}");
@@ -233,19 +233,19 @@ fn zk_9_a_stop_in_mode_3_reaches_an_ecu_whose_version_changed() {
 /// ZK-9: leaving mode 3 for a throttle, the throttle of long ago never comes into force again.
 #[test]
 fn zk_9_leaving_mode_3_uses_no_old_throttle() {
-    for turns_in_mode_3 in 2..=5 {
+    for slots_in_mode_3 in 2..=5 {
         let mut bench = running(4);
         let mut ecu = SimpleEcu::default();
         bench.order(bench.now_us(), throttle(1000)).unwrap();
-        turns(&mut bench, 3).iter().for_each(|frame| ecu.obey(frame));
+        slots(&mut bench, 3).iter().for_each(|frame| ecu.obey(frame));
         bench.order(bench.now_us(), rpm(40_000)).unwrap();
-        turns(&mut bench, turns_in_mode_3).iter().for_each(|frame| ecu.obey(frame));
+        slots(&mut bench, slots_in_mode_3).iter().for_each(|frame| ecu.obey(frame));
         bench.order(bench.now_us(), throttle(100)).unwrap();
-        for frame in turns(&mut bench, 4) {
+        for frame in slots(&mut bench, 4) {
             ecu.obey(&frame);
             let (switch, _, throttle) = ecu.obeyed();
             assert_eq!(switch, RUN);
-            assert!(throttle.is_none_or(|throttle| throttle <= 100), "{ecu:?} after {turns_in_mode_3}");
+            assert!(throttle.is_none_or(|throttle| throttle <= 100), "{ecu:?} after {slots_in_mode_3}");
         }
     }
 }
@@ -257,11 +257,11 @@ fn zk_8_a_hand_over_from_mode_3_never_stops_the_engine() {
     let mut bench = running(4);
     let mut ecu = SimpleEcu::default();
     bench.order(bench.now_us(), Order::Standby).unwrap();
-    turns(&mut bench, 3).iter().for_each(|frame| ecu.obey(frame));
+    slots(&mut bench, 3).iter().for_each(|frame| ecu.obey(frame));
     bench.order(bench.now_us(), rpm(80_000)).unwrap();
-    turns(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
+    slots(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
     bench.order(bench.now_us(), Order::Pwm).unwrap();
-    for frame in turns(&mut bench, 4) {
+    for frame in slots(&mut bench, 4) {
         ecu.obey(&frame);
         assert!([RUN, PWM].contains(&ecu.obeyed().0), "{ecu:?}");
     }
@@ -274,7 +274,7 @@ fn zk_8_a_hand_over_that_was_not_sent_is_sent_again() {
     let mut bench = running(4);
     let mut ecu = SimpleEcu::default();
     bench.order(bench.now_us(), rpm(80_000)).unwrap();
-    turns(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
+    slots(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
     bench.run_to_us(bench.now_us() + 20_000);
     let mut bench = bench.by_hand();
     bench.frames();
@@ -304,9 +304,9 @@ fn zk_9_entering_mode_3_again_uses_no_old_rpm() {
     let mut bench = running(4);
     let mut ecu = SimpleEcu { ignores_early_rpm: true, ..SimpleEcu::default() };
     bench.order(bench.now_us(), rpm(100_000)).unwrap();
-    turns(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
+    slots(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
     bench.order(bench.now_us(), throttle(0)).unwrap();
-    turns(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
+    slots(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
     bench.order(bench.now_us(), rpm(40_000)).unwrap();
     bench.frames();
     bench.run_to_us(bench.now_us() + 4 * SEND_SLOT_US);
@@ -330,14 +330,14 @@ fn zk_7_standby_is_not_sent_by_id_6_to_an_older_ecu_at_rest() {
     {
         let mut bench = running(4);
         bench.order(bench.now_us(), rpm(80_000)).unwrap();
-        turns(&mut bench, 4);
+        slots(&mut bench, 4);
         bench.order(bench.now_us(), Order::Standby).unwrap();
         for _ in 0..2 {
             bench.receive(&zk::identity(160, version, 0));
             bench.receive(&zk::state(state));
         }
         bench.frames();
-        let sent = turns(&mut bench, 6);
+        let sent = slots(&mut bench, 6);
         assert_eq!(sent.iter().any(|frame| id(frame) == 6), by_id6, "{version}, state {state}: {sent:02x?}");
         assert!(sent.iter().any(|frame| id(frame) == 1), "{version}, state {state}");
     }

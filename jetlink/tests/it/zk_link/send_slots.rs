@@ -10,7 +10,7 @@ fn zk_10_zk_11_a_frame_is_sent_in_every_send_slot() {
         let mut bench = link(Config { rate, ..Config::DEFAULT }, LINE);
         bench.run_to_us(10_000_000);
         let expected: Vec<_> =
-            (0..=10_000_000 / every).map(|turn| (turn * every, zk::keep_alive().to_vec())).collect();
+            (0..=10_000_000 / every).map(|slot| (slot * every, zk::keep_alive().to_vec())).collect();
         assert_eq!(bench.frames(), expected, "{rate:?}");
         let counters = bench.machine.status().counters;
         assert_eq!(counters.send_slots_missed, 0);
@@ -61,7 +61,7 @@ fn zk_10_a_late_send_slot_causes_no_burst() {
 #[test]
 fn a_send_slot_while_the_uart_is_busy_is_skipped() {
     let mut bench = link(Config::DEFAULT, LINE).by_hand();
-    bench.run_to_us(120_000); // the frame of turn 0 hangs
+    bench.run_to_us(120_000); // the frame of slot 0 hangs
     assert_eq!(bench.frames().len(), 1);
     assert_eq!(bench.machine.status().counters.send_slots_missed, 2);
     bench.not_sent_at_us(125_000, NotSent::TimedOut);

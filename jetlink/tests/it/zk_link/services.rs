@@ -21,7 +21,7 @@ fn zk_13_an_unlock_is_sent_immediately_before_its_command() {
         assert_eq!(bench.event_kinds(), [], "the old value confirms nothing");
         bench.receive(&shown);
         assert_eq!(bench.event_kinds(), [Event::ServiceConfirmed(command)]);
-        let rest = turns(&mut bench, 100);
+        let rest = slots(&mut bench, 100);
         assert!(rest.iter().all(|frame| id(frame) == 1), "once: {rest:02x?}");
         // The next one is taken.
         service(&mut bench, command).unwrap();
@@ -79,7 +79,7 @@ fn zk_13_a_stop_between_unlock_and_command_is_sent_first() {
     let at: Vec<u64> = frames.iter().skip(1).map(|(at, _)| *at).collect();
     assert_eq!(
         at,
-        (2..=20).map(|turn| turn * SEND_SLOT_US).collect::<Vec<_>>(),
+        (2..=20).map(|slot| slot * SEND_SLOT_US).collect::<Vec<_>>(),
         "in every slot, in no burst"
     );
 }
@@ -96,7 +96,7 @@ fn a_stop_ends_a_waiting_service_command() {
         bench.run_to_us(600_000_000);
         bench.frames();
         bench.order(bench.now_us(), Order::Standby).unwrap();
-        let frames = turns(&mut bench, 20);
+        let frames = slots(&mut bench, 20);
         // With the ECU silent for this long the stop went by ID 6 as well.
         assert!(frames.iter().all(|frame| matches!(id(frame), 1 | 6)), "{command:?}: {frames:02x?}");
         let reported = bench.event_kinds();
@@ -145,12 +145,12 @@ fn an_order_to_run_ends_a_waiting_service_command() {
     for command in [action(Action::Drain), action(Action::OpenPump), curve(40)] {
         let mut bench = ecu(5);
         bench.order(bench.now_us(), Order::Standby).unwrap();
-        turns(&mut bench, 1);
+        slots(&mut bench, 1);
         // The rate has the next slot, so the command waits until the order to run is out.
         service(&mut bench, action(Action::Rate20Hz)).unwrap();
         service(&mut bench, command).unwrap();
         bench.order(bench.now_us(), throttle(0)).unwrap();
-        let frames = turns(&mut bench, 200);
+        let frames = slots(&mut bench, 200);
         let run = frames.iter().position(|frame| frame[..] == zk::throttle(RUN, 0)).expect("runs");
         let behind = &frames[run..];
         // The rate is requested again until the ECU confirms it.
@@ -199,7 +199,7 @@ fn an_action_is_sent_once() {
         let mut bench = ecu(5);
         bench.order(bench.now_us(), Order::Standby).unwrap();
         service(&mut bench, action(one)).unwrap();
-        let frames = turns(&mut bench, 60);
+        let frames = slots(&mut bench, 60);
         let sent: Vec<_> = frames.iter().filter(|frame| id(frame) != 1).cloned().collect();
         assert_eq!(sent, [zk::action(one.code())]);
         let reported = bench.event_kinds();

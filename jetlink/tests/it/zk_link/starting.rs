@@ -20,8 +20,8 @@ fn started_with(version: u8) -> Bench<Engine> {
     bench.machine = Engine::new(&config);
     bench.act(|engine, now| engine.start(now, Some(RetainedState::new(Order::Standby, Origin::Rc))));
     for _ in 0..30 {
-        engine_turn(&mut bench, &zk::identity(160, version, 0));
-        engine_turn(&mut bench, &zk::state(STATE_STANDBY));
+        engine_slot(&mut bench, &zk::identity(160, version, 0));
+        engine_slot(&mut bench, &zk::state(STATE_STANDBY));
     }
     for command in [Command::Arm, Command::Standby, Command::Run(Demand::Throttle(Throttle::IDLE))] {
         bench.act(|engine, now| engine.command(now, command, Origin::Rc, true)).unwrap();
@@ -30,14 +30,14 @@ fn started_with(version: u8) -> Bench<Engine> {
 }
 
 /// A status of the ECU, and what goes out up to the next slot while the source commands 60 %.
-fn engine_turn(bench: &mut Bench<Engine>, frame: &[u8]) -> Vec<u8> {
-    let mut frames = engine_turn_with(bench, frame, Demand::Throttle(Throttle::from_percent(60).unwrap()));
+fn engine_slot(bench: &mut Bench<Engine>, frame: &[u8]) -> Vec<u8> {
+    let mut frames = engine_slot_with(bench, frame, Demand::Throttle(Throttle::from_percent(60).unwrap()));
     assert_eq!(frames.len(), 1, "{frames:02x?}");
     frames.remove(0)
 }
 
 /// The same with another demand, and all that goes out.
-fn engine_turn_with(bench: &mut Bench<Engine>, frame: &[u8], demand: Demand) -> Vec<Vec<u8>> {
+fn engine_slot_with(bench: &mut Bench<Engine>, frame: &[u8], demand: Demand) -> Vec<Vec<u8>> {
     let t = (bench.now_us() / SEND_SLOT_US + 1) * SEND_SLOT_US;
     bench.rx_at_us(t - 10_000, frame);
     // Refused while it is no start yet.
@@ -55,25 +55,25 @@ fn the_demand_waits_for_a_running_engine() {
         let mut bench = started();
         for state in [1, 2, 3, 4, 5, STATE_UNKNOWN, running] {
             let frame = if state < 6 { zk::state(state) } else { turning(state) };
-            assert_eq!(engine_turn(&mut bench, &frame), zk::throttle(RUN, 0), "state {state}");
+            assert_eq!(engine_slot(&mut bench, &frame), zk::throttle(RUN, 0), "state {state}");
         }
         // From here it rises at 50 %/s: 2.5 % per slot.
-        for turn in 0..40u16 {
-            let frame = engine_turn(&mut bench, &turning(running));
+        for slot in 0..40u16 {
+            let frame = engine_slot(&mut bench, &turning(running));
             let tenths = u16::from(frame[1] & 3) << 8 | u16::from(frame[2]);
             assert_eq!(frame, zk::throttle(RUN, tenths));
-            assert!(tenths.abs_diff((turn * 25).min(600)) <= 25, "{tenths} at turn {turn}");
+            assert!(tenths.abs_diff((slot * 25).min(600)) <= 25, "{tenths} at slot {slot}");
         }
-        assert_eq!(engine_turn(&mut bench, &turning(running)), zk::throttle(RUN, 600));
+        assert_eq!(engine_slot(&mut bench, &turning(running)), zk::throttle(RUN, 600));
         // ZK-15: a state without a name ends nothing.
         for _ in 0..10 {
-            assert_eq!(engine_turn(&mut bench, &turning(STATE_UNKNOWN)), zk::throttle(RUN, 600));
+            assert_eq!(engine_slot(&mut bench, &turning(STATE_UNKNOWN)), zk::throttle(RUN, 600));
         }
     }
     // Running with a shaft at rest releases nothing.
     let mut bench = started();
     for state in [3, 5, 11, 11, 11, 11] {
-        assert_eq!(engine_turn(&mut bench, &zk::state(state)), zk::throttle(RUN, 0), "state {state}");
+        assert_eq!(engine_slot(&mut bench, &zk::state(state)), zk::throttle(RUN, 0), "state {state}");
     }
 }
 
@@ -83,19 +83,19 @@ fn one_odd_report_withholds_the_run_and_two_end_it() {
     for odd in [zk::state(0), zk::state(1), zk::state(12), zk::state(3), zk::state(5), turning(12)] {
         let mut bench = started();
         for state in [3, 5, 11, 11, 11] {
-            engine_turn(&mut bench, &if state < 6 { zk::state(state) } else { turning(state) });
+            engine_slot(&mut bench, &if state < 6 { zk::state(state) } else { turning(state) });
         }
         for _ in 0..40 {
-            engine_turn(&mut bench, &turning(11));
+            engine_slot(&mut bench, &turning(11));
         }
         for _ in 0..3 {
-            assert_eq!(engine_turn(&mut bench, &odd), zk::keep_alive(), "{odd:02x?}");
-            assert_eq!(engine_turn(&mut bench, &turning(11)), zk::keep_alive(), "one does not confirm it");
-            assert_eq!(engine_turn(&mut bench, &turning(11)), zk::throttle(RUN, 600), "two do");
+            assert_eq!(engine_slot(&mut bench, &odd), zk::keep_alive(), "{odd:02x?}");
+            assert_eq!(engine_slot(&mut bench, &turning(11)), zk::keep_alive(), "one does not confirm it");
+            assert_eq!(engine_slot(&mut bench, &turning(11)), zk::throttle(RUN, 600), "two do");
         }
-        assert_eq!(engine_turn(&mut bench, &odd), zk::keep_alive());
+        assert_eq!(engine_slot(&mut bench, &odd), zk::keep_alive());
         for _ in 0..10 {
-            assert_eq!(engine_turn(&mut bench, &odd), zk::throttle(STANDBY, 0), "{odd:02x?}");
+            assert_eq!(engine_slot(&mut bench, &odd), zk::throttle(STANDBY, 0), "{odd:02x?}");
         }
     }
 }
@@ -168,8 +168,8 @@ fn the_rpm_waits_for_a_running_engine() {
     {
         let mut bench = started_with(4);
         let mut ecu = SimpleEcu::default();
-        let mut turn = |bench: &mut Bench<Engine>, frame: &[u8]| {
-            for sent in engine_turn_with(bench, frame, Demand::Rpm(Rpm::new(demand))) {
+        let mut report = |bench: &mut Bench<Engine>, frame: &[u8]| {
+            for sent in engine_slot_with(bench, frame, Demand::Rpm(Rpm::new(demand))) {
                 ecu.obey(&sent);
             }
             ecu.obeyed()
@@ -177,14 +177,14 @@ fn the_rpm_waits_for_a_running_engine() {
         let introduced = idle.map(|idle| zk::idle(idle, false));
         for state in [1, 2, 3, 4, 5, STATE_UNKNOWN] {
             for _ in 0..2 {
-                turn(&mut bench, &introduced.unwrap_or(zk::state(state)));
-                turn(&mut bench, &zk::state(state));
+                report(&mut bench, &introduced.unwrap_or(zk::state(state)));
+                report(&mut bench, &zk::state(state));
             }
-            assert_eq!(turn(&mut bench, &zk::state(state)), (RUN, Some(target), None), "{idle:?} {state}");
+            assert_eq!(report(&mut bench, &zk::state(state)), (RUN, Some(target), None), "{idle:?} {state}");
         }
         for _ in 0..200 {
-            turn(&mut bench, &turning(STATE_RUNNING));
+            report(&mut bench, &turning(STATE_RUNNING));
         }
-        assert_eq!(turn(&mut bench, &turning(STATE_RUNNING)), (RUN, Some(demand), None), "{idle:?}");
+        assert_eq!(report(&mut bench, &turning(STATE_RUNNING)), (RUN, Some(demand), None), "{idle:?}");
     }
 }

@@ -33,8 +33,8 @@ fn zk_11_rate_is_set_and_confirmed() {
 fn zk_11_rate_is_retried_and_given_up() {
     let mut bench = link(Config { rate: Rate::Hz50, ..Config::DEFAULT }, LINE);
     bench.order(0, Order::Standby).unwrap();
-    for turn in 0..500 {
-        bench.rx_at_us(turn * 20_000 + 5_000, &zk::identity(160, 4, 0));
+    for frame in 0..500 {
+        bench.rx_at_us(frame * 20_000 + 5_000, &zk::identity(160, 4, 0));
     }
     let ordered: Vec<u64> =
         bench.frames().into_iter().filter(|(_, frame)| id(frame) == 2).map(|(at, _)| at).collect();

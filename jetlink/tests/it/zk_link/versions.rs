@@ -78,11 +78,11 @@ fn zk_7_a_refused_order_changes_nothing() {
     let mut bench = running(3);
     bench.order(bench.now_us(), throttle(333)).unwrap();
     assert!(bench.order(bench.now_us(), rpm(50_000)).is_err());
-    assert_eq!(turns(&mut bench, 2), [zk::throttle(RUN, 333), zk::throttle(RUN, 333)]);
+    assert_eq!(slots(&mut bench, 2), [zk::throttle(RUN, 333), zk::throttle(RUN, 333)]);
     let mut bench = running(4);
     bench.order(bench.now_us(), throttle(333)).unwrap();
     assert!(bench.order(bench.now_us(), rpm(160_001)).is_err());
-    assert_eq!(turns(&mut bench, 2), [zk::throttle(RUN, 333), zk::throttle(RUN, 333)]);
+    assert_eq!(slots(&mut bench, 2), [zk::throttle(RUN, 333), zk::throttle(RUN, 333)]);
     let of_amt = Service::Amt(AmtService::Ctf);
     assert_eq!(service(&mut bench, of_amt), Err(Rejected::NotSupported));
 }
