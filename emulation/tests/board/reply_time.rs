@@ -55,7 +55,7 @@ fn idle(board: &'static Board, rate: u64) -> Row {
         .instructions_per_second(rate)
         .ecu("SERIAL2", Line::n1(2400), amt(EngineModel::Olympus, Line::n1(2400), 61_003_000))
         .tap("SERIAL2")
-        .until(20 * SECOND)
+        .until(12 * SECOND)
         .go();
     worst(&report, LOADS[0], 0)
 }
@@ -103,7 +103,7 @@ fn saturated(board: &'static Board, rate: u64) -> Row {
     for port in ["SERIAL4", "SERIAL5", "SERIAL6"] {
         run = run.at(1_000 * MILLIS, move |bench| bench.babble(port, Some(&GARBAGE)));
     }
-    let report = run.until(16 * SECOND).go();
+    let report = run.until(10 * SECOND).go();
     for engine in amt_engines(&report) {
         let stats = report.ecu::<AmtEcu>(engine.port).stats;
         // The set-up frame is longer than these periods, so the next frame comes into the reply to it.
