@@ -5,6 +5,11 @@
 //! needs.
 //!
 //! The same holds for test programs, where the tests themselves count, too.
+//!
+//! `imports/methods.rs` has the calls of methods, where the `impl` of a type is in several files.
+
+#[path = "imports/methods.rs"]
+mod methods;
 
 use proc_macro2::{TokenStream, TokenTree};
 use std::collections::{BTreeMap, BTreeSet};

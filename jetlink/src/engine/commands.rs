@@ -5,12 +5,12 @@
 //! any source's change to standby. Only a start that has to wait for another engine keeps it: it waits for at most 180 s
 //! while its source stays in control, and every interlock is checked again when it begins.
 
+use super::data::{Beginning, Engine, FuelService, Mode, OpenPump, StartWait, slot};
 use super::exhaust::Exhaust;
 use super::life::Life;
 use super::run::Run;
 use super::sources::Intent;
 use super::state::{self, EngineState};
-use super::{Beginning, Engine, FuelService, Mode, OpenPump, StartWait, slot};
 use crate::command::{Accepted, Command, Demand, Interlock, Order, Origin, Rejected};
 use crate::ecu::Service;
 use crate::event::Event;
@@ -21,6 +21,9 @@ use embassy_time::{Duration, Instant};
 
 /// Longest wait of a start for other engines of the group.
 const START_WAIT_MAX: Duration = Duration::from_secs(180);
+/// Time that all sources get to be received before a stream of standby counts, while it is not known which source was in
+/// control.
+const LISTEN_TO_SOURCES: Duration = Duration::from_secs(1);
 
 impl Engine {
     pub(super) fn execute(
@@ -49,7 +52,7 @@ impl Engine {
             Command::ShutDown => self.shut_down(now, origin),
             Command::Standby => self.on_standby(now, origin),
             Command::Run(demand) => self.on_run(now, demand, origin, others_allow_start),
-            Command::HandOverToPwm => self.hand_over(now, origin, others_allow_start),
+            Command::HandOverToPwm => self.on_hand_over(now, origin, others_allow_start),
             Command::Service(service) => self.service(now, service, origin),
         }
     }
@@ -171,6 +174,11 @@ impl Engine {
         Ok(Accepted::InForce)
     }
 
+    /// Whether all sources had time to be received since the node started.
+    fn settled(&self, now: Instant) -> bool {
+        now >= self.started + LISTEN_TO_SOURCES
+    }
+
     /// Whether a higher source was in control before the order ended. The standby of a lower source counts only when that
     /// source has been lost for as long as it takes to end its run.
     fn run_of_a_higher_one(&self, now: Instant, origin: Origin) -> bool {
@@ -190,15 +198,6 @@ impl Engine {
     fn permit_in_standby(&mut self, origin: Origin) {
         if matches!(self.mode, Mode::Standby) {
             self.permit(origin);
-        }
-    }
-
-    pub(super) fn use_up(&mut self, origin: Origin) {
-        if let Some(permitted) = slot(&mut self.permitted, origin) {
-            *permitted = false;
-        }
-        if self.start_wait.is_some_and(|wait| wait.origin == origin) {
-            self.start_wait = None;
         }
     }
 
@@ -239,7 +238,10 @@ impl Engine {
             }),
         };
         match result {
-            Ok(Accepted::InForce) => self.begin(now, demand, origin, Beginning::FromStandby),
+            Ok(Accepted::InForce) => {
+                self.begin(now, demand, origin, Beginning::FromStandby);
+                self.update(now);
+            }
             Ok(Accepted::StartWaits) => {}
             // A refused run must not start the engine later.
             _ => {
@@ -286,7 +288,7 @@ impl Engine {
     }
 
     /// A hand-over to the ECU's PWM input counts as a start.
-    fn hand_over(
+    fn on_hand_over(
         &mut self,
         now: Instant,
         origin: Origin,
@@ -311,12 +313,11 @@ impl Engine {
         } else {
             Err(Rejected::StandbyFirst)
         };
-        let result = result.and_then(|()| self.link.order(now, Order::Pwm));
+        let result = result.and_then(|()| self.order_pwm(now));
         self.permitted = [false; Origin::ALL.len()];
         result?;
-        self.mode = Mode::Pwm { life: Life::ordered(), start_by: Some(now + self.start_time()) };
+        self.hand_over(Life::ordered(), Some(now + self.start_time()), origin);
         self.last_start = Some(now);
-        self.note_order(Order::Pwm, origin);
         Ok(Accepted::InForce)
     }
 
@@ -427,7 +428,7 @@ impl Engine {
     }
 
     /// Whether the ECU, or the governor for it, can follow this demand.
-    pub(super) fn can(&self, now: Instant, demand: Demand) -> Result<(), Rejected> {
+    fn can(&self, now: Instant, demand: Demand) -> Result<(), Rejected> {
         let Demand::Rpm(_) = demand else { return Ok(()) };
         match self.link.speed_control() {
             Err(why) => {

@@ -1,10 +1,8 @@
 //! Settings given to a running engine: those of the supervision at once, those of the link when the engine is at rest.
 
 use super::config::Supervision;
-use super::state::EngineState;
-use super::{Engine, Mode};
+use super::data::Engine;
 use crate::config::{LinkSettings, LinkSettingsError};
-use crate::link::Link;
 use crate::setting::SettingId;
 use embassy_time::Instant;
 
@@ -39,19 +37,5 @@ impl Engine {
     /// Whether settings of the link wait until the engine is at rest.
     pub const fn link_settings_wait(&self) -> bool {
         self.link_settings.is_some()
-    }
-
-    /// Gives waiting settings to the link, if the engine is at rest.
-    pub(super) fn configure_resting_link(&mut self, now: Instant) {
-        if self.link_settings.is_none() {
-            return;
-        }
-        let status = self.link.status();
-        let at_rest = matches!(self.mode, Mode::Standby | Mode::Stop(_))
-            && EngineState::of(now, status.state, &status.report).is_stopped();
-        if at_rest && let Some(LinkSettings { ecu, timing }) = self.link_settings.take() {
-            self.ecu = ecu;
-            self.link.configure(now, &ecu, self.line, timing);
-        }
     }
 }

@@ -1,6 +1,6 @@
 //! The fuel pump that a service opened: when it is closed, and whether it still may be open.
 
-use super::Engine;
+use super::data::Engine;
 use crate::link::Link;
 use embassy_time::Instant;
 

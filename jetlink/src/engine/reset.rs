@@ -3,21 +3,19 @@
 //! If the record has a run in force, the run resumes with its life in doubt: nothing is sent that could start an engine
 //! until two reports confirm that it runs. Otherwise no order is in force, and the reports of the ECU decide.
 
-use super::life::{Finding, Found, Life};
+use super::data::{Beginning, Engine, Mode, OpenPump, RESETS_MAX};
+use super::life::{Finding, Life};
 use super::retained::{FALL_EXPECTED, RetainedState, STEADY};
 use super::run::Run;
-use super::sources::{Intent, Restored};
-use super::{Beginning, Engine, Mode, OpenPump, RESETS_MAX};
+use super::sources::Restored;
 use crate::command::{Demand, Order, Origin};
 use crate::event::{Event, LossStage};
-use crate::link::{Link, Sign, Stage};
+use crate::link::Link;
 use crate::units::Throttle;
 use embassy_time::{Duration, Instant};
 
 /// Shortest duration of a reset. It makes a loop of resets count that is too fast to be measured.
 const RESET_TAKES: Duration = Duration::from_millis(20);
-/// Largest age of a reported throttle that the ECU still obeys.
-const THROTTLE_MAX_AGE: Duration = Duration::from_secs(3);
 
 /// Unpacks a bit mask into a flag for each source.
 fn flags(mask: u8) -> [bool; Origin::ALL.len()] {
@@ -51,10 +49,10 @@ impl Engine {
         match retained.order {
             Order::EmergencyStop => {
                 self.armed = false;
-                self.mode = Mode::Stop(retained.origin);
+                self.adopt(Mode::Stop(retained.origin));
             }
-            Order::Standby => self.mode = Mode::Standby,
-            _ => self.mode = Mode::Listen(Self::search(now, &retained)),
+            Order::Standby => self.adopt(Mode::Standby),
+            _ => self.adopt(Mode::Listen(Self::search(now, &retained))),
         }
         if retained.pump_open {
             let origin = Origin::Node;
@@ -96,8 +94,7 @@ impl Engine {
 
     fn resume(&mut self, now: Instant, retained: Option<RetainedState>) {
         let finding = retained.as_ref().map(|retained| Self::search(now, retained));
-        self.mode = Mode::Listen(finding.unwrap_or(Finding::new(now, false)));
-        self.order(now, Order::Listen, Origin::Node);
+        self.listen(now, finding.unwrap_or(Finding::new(now, false)));
         let Some(retained) = retained else { return };
         match retained.order {
             Order::Run(demand) if retained.ran => {
@@ -121,14 +118,14 @@ impl Engine {
                 let resets = self.resets;
                 let record = RetainedState { silent, all_silent, unconfirmed, resets, ..retained };
                 self.begin(now, demand, retained.origin, Beginning::Reset(record));
+                self.update(now);
                 if retained.loss != LossStage::None {
                     self.event(Event::SourceLoss(retained.loss));
                 }
             }
             Order::Pwm => {
                 let life = Life::handed_over(now, retained.ran);
-                self.mode = Mode::Pwm { life, start_by: None };
-                self.note_order(Order::Pwm, retained.origin);
+                self.hand_over(life, None, retained.origin);
                 self.express(now);
             }
             _ => {}
@@ -259,84 +256,5 @@ impl Engine {
         let demand = if shaped { run.shaped } else { run.demand };
         // What was not sent yet has to be commanded again: after a reset a demand rises and does not jump.
         Order::Run(if run.sent.is_below(demand) { run.sent } else { demand })
-    }
-
-    /// Acts on the result of a search for a running engine.
-    pub(super) fn found(&mut self, now: Instant, found: Found, sign: Sign) {
-        let throttle = match sign {
-            Sign::State { throttle, .. } | Sign::Faulted { throttle, .. } => throttle,
-            _ => None,
-        };
-        let reported =
-            self.link.status().report.throttle.filter(|throttle| throttle.age(now) <= THROTTLE_MAX_AGE);
-        let throttle = throttle.or(reported.map(|throttle| throttle.value));
-        match (found, throttle) {
-            (Found::Nothing, _) => {}
-            // The throttle is reported within a second. An engine whose ECU never reports it goes to idle.
-            (Found::Running, None) if now < self.started + THROTTLE_MAX_AGE => {}
-            (Found::NotRunning, _) => self.standby(now, Origin::Node),
-            // It has no source, so the stages of loss begin.
-            (Found::Running | Found::Burning, throttle) => {
-                let confirmed = found == Found::Running;
-                let lost_for = match &self.mode {
-                    Mode::Listen(finding) => self.lost_for(now, finding),
-                    _ => Duration::from_ticks(0),
-                };
-                let throttle = self.lost_throttle(lost_for, throttle.unwrap_or(Throttle::IDLE));
-                let demand = Demand::Throttle(throttle);
-                // An interrupted start continues until its ECU reports running. So does a start that no record has.
-                let starting = match (&self.mode, sign) {
-                    (Mode::Listen(Finding { started: Some(since), .. }), Sign::State { stage, .. }) => {
-                        (stage != Stage::Running).then_some((stage, *since))
-                    }
-                    (_, Sign::State { stage: Stage::Starting, .. }) => {
-                        Some((Stage::Starting, Duration::from_ticks(0)))
-                    }
-                    _ => None,
-                };
-                let beginning = Beginning::Found { confirmed, starting, lost_for };
-                self.begin(now, demand, Origin::Node, beginning);
-                if let Mode::Run(run) = &mut self.mode {
-                    run.life.answer();
-                }
-                self.express(now);
-                self.event(Event::Resumed(demand));
-            }
-        }
-    }
-
-    /// Time for which no source has commanded the running engine that was found; none, if one does.
-    fn lost_for(&self, now: Instant, finding: &Finding) -> Duration {
-        if matches!(self.sources.active(now), Some((_, Intent::Run(_)))) {
-            return Duration::from_ticks(0);
-        }
-        // The source whose demand was in force may have fallen silent since, or all that were received.
-        let commanded = || self.sources.all_silent_from(now).flatten();
-        let known = self.sources.silent_from(finding.active_source).or_else(commanded);
-        let lost_for = match known {
-            Some(at) => now.saturating_duration_since(at),
-            // Silence before a reset counts until a source is received, beyond the longest source timeout.
-            None => {
-                let silent = finding.lost_for + now.saturating_duration_since(finding.since);
-                let longest = self.config.timeouts.longest().as_ticks();
-                Duration::from_ticks(silent.as_ticks().saturating_sub(longest))
-            }
-        };
-        // After a cancelled order the stages of loss continue; after a start of the node they begin.
-        match finding.silent_since < finding.since {
-            true => lost_for.max(now.saturating_duration_since(finding.silent_since)),
-            false => lost_for,
-        }
-    }
-
-    /// The throttle to which the stages of loss would have lowered the reported one after such a time.
-    fn lost_throttle(&self, lost_for: Duration, reported: Throttle) -> Throttle {
-        let loss = &self.config.loss;
-        let falling = Duration::from_ticks(lost_for.as_ticks().saturating_sub(loss.hold.as_ticks()));
-        let fallen = falling.as_millis().saturating_mul(loss.ramp.into()) / 1000;
-        let tenths = u64::from(reported.tenths()).saturating_sub(fallen);
-        let throttle = u16::try_from(tenths).ok().and_then(|tenths| Throttle::from_tenths(tenths).ok());
-        let safe = loss.throttle.min(reported);
-        if self.resets >= RESETS_MAX { safe } else { throttle.unwrap_or(reported).max(safe) }
     }
 }

@@ -1,8 +1,8 @@
 //! Turns a run and its shaped demand into the order of the link, and checks whether the ECU obeys it.
 
+use super::data::{Engine, Mode};
 use super::shaper::Shape;
 use super::state::STATE_MAX_AGE;
-use super::{Engine, Mode};
 use crate::command::{Demand, Order, Ordered, Origin, Rejected};
 use crate::event::{Event, LossStage};
 use crate::link::Link;
@@ -76,7 +76,7 @@ impl Engine {
         }
     }
 
-    pub(super) fn order_demand(&mut self, now: Instant, demand: Demand) -> Order {
+    fn order_demand(&mut self, now: Instant, demand: Demand) -> Order {
         let Err(why) = self.link.order(now, Order::Run(demand)) else { return Order::Run(demand) };
         // An ECU that came back has not reported its version yet: it keeps its rpm until it has.
         if self.waits_for_version() && matches!(&self.mode, Mode::Run(run) if run.life.reached()) {
@@ -101,7 +101,7 @@ impl Engine {
         matches!(self.link.speed_control(), Err(Rejected::NeedsVersion { known: None, .. }))
     }
 
-    pub(super) fn order_doubt(&mut self, now: Instant, demand: Demand) -> Order {
+    fn order_doubt(&mut self, now: Instant, demand: Demand) -> Order {
         let order = Order::Doubt(demand);
         // No link rejects it.
         let _ = self.link.order(now, order);
@@ -131,6 +131,14 @@ impl Engine {
             _ => true,
         };
         switch_obeys && throttle_obeys
+    }
+
+    /// Orders a hand-over to the ECU's PWM input.
+    ///
+    /// # Errors
+    /// The ECU's version has none.
+    pub(super) fn order_pwm(&mut self, now: Instant) -> Result<(), Rejected> {
+        self.link.order(now, Order::Pwm)
     }
 
     /// Gives an order that no link rejects.

@@ -1,0 +1,145 @@
+//! What one frame says about the life of the engine, and the engine that is found running.
+
+use super::data::{Beginning, Engine, Mode, RESETS_MAX};
+use super::life::{Finding, Found};
+use super::run::Run;
+use super::sources::Intent;
+use crate::command::{Demand, Origin};
+use crate::event::Event;
+use crate::link::{Link, Sign, Stage};
+use crate::units::Throttle;
+use embassy_time::{Duration, Instant};
+
+/// Largest age of a reported throttle that the ECU still obeys.
+const THROTTLE_MAX_AGE: Duration = Duration::from_secs(3);
+
+impl Engine {
+    /// Judges what one frame says about the life of the engine, before its reply is handed out.
+    pub(super) fn judge(&mut self, now: Instant, sign: Sign) {
+        if sign == Sign::PowerUp {
+            self.last_gap = Some(now);
+        }
+        self.observe_exhaust(now, sign);
+        let exhaust = self.exhaust.burning();
+        let answers = self.link.answers_frames();
+        match &mut self.mode {
+            Mode::Stop(_) | Mode::Standby => {}
+            Mode::Run(Run { life, .. }) | Mode::Pwm { life, .. } => {
+                let doubted = life.in_doubt().is_some();
+                let end = life.observe(now, sign, exhaust);
+                let doubts = life.in_doubt().is_some();
+                match end {
+                    Some(end) => self.life_over(now, end),
+                    None => {
+                        self.report_doubt(doubted, doubts);
+                        if doubts {
+                            // While in doubt, each set decides whether it is answered.
+                            self.shape(now);
+                        } else {
+                            self.express(now);
+                        }
+                    }
+                }
+            }
+            Mode::Listen(finding) => {
+                let found = finding.observe(sign, exhaust, answers);
+                self.found(now, found, sign);
+            }
+        }
+    }
+
+    fn observe_exhaust(&mut self, now: Instant, sign: Sign) {
+        let egt = match sign {
+            Sign::State { .. } => {
+                self.link.status().report.egt.filter(|egt| egt.at == now).map(|egt| egt.value)
+            }
+            Sign::Faulted { egt, .. } => egt,
+            _ => return,
+        };
+        let lowered = match &self.mode {
+            Mode::Run(run) => run.lowered.fall_expected(now).as_ticks() > 0,
+            _ => false,
+        };
+        self.exhaust.observe(now, egt, lowered);
+    }
+
+    /// Acts on the result of a search for a running engine.
+    fn found(&mut self, now: Instant, found: Found, sign: Sign) {
+        let throttle = match sign {
+            Sign::State { throttle, .. } | Sign::Faulted { throttle, .. } => throttle,
+            _ => None,
+        };
+        let reported =
+            self.link.status().report.throttle.filter(|throttle| throttle.age(now) <= THROTTLE_MAX_AGE);
+        let throttle = throttle.or(reported.map(|throttle| throttle.value));
+        match (found, throttle) {
+            (Found::Nothing, _) => {}
+            // The throttle is reported within a second. An engine whose ECU never reports it goes to idle.
+            (Found::Running, None) if now < self.started + THROTTLE_MAX_AGE => {}
+            (Found::NotRunning, _) => self.standby(now, Origin::Node),
+            // It has no source, so the stages of loss begin.
+            (Found::Running | Found::Burning, throttle) => {
+                let confirmed = found == Found::Running;
+                let lost_for = match &self.mode {
+                    Mode::Listen(finding) => self.lost_for(now, finding),
+                    _ => Duration::from_ticks(0),
+                };
+                let throttle = self.lost_throttle(lost_for, throttle.unwrap_or(Throttle::IDLE));
+                let demand = Demand::Throttle(throttle);
+                // An interrupted start continues until its ECU reports running. So does a start that no record has.
+                let starting = match (&self.mode, sign) {
+                    (Mode::Listen(Finding { started: Some(since), .. }), Sign::State { stage, .. }) => {
+                        (stage != Stage::Running).then_some((stage, *since))
+                    }
+                    (_, Sign::State { stage: Stage::Starting, .. }) => {
+                        Some((Stage::Starting, Duration::from_ticks(0)))
+                    }
+                    _ => None,
+                };
+                let beginning = Beginning::Found { confirmed, starting, lost_for };
+                self.begin(now, demand, Origin::Node, beginning);
+                self.update(now);
+                if let Mode::Run(run) = &mut self.mode {
+                    run.life.answer();
+                }
+                self.express(now);
+                self.event(Event::Resumed(demand));
+            }
+        }
+    }
+
+    /// Time for which no source has commanded the running engine that was found; none, if one does.
+    fn lost_for(&self, now: Instant, finding: &Finding) -> Duration {
+        if matches!(self.sources.active(now), Some((_, Intent::Run(_)))) {
+            return Duration::from_ticks(0);
+        }
+        // The source whose demand was in force may have fallen silent since, or all that were received.
+        let commanded = || self.sources.all_silent_from(now).flatten();
+        let known = self.sources.silent_from(finding.active_source).or_else(commanded);
+        let lost_for = match known {
+            Some(at) => now.saturating_duration_since(at),
+            // Silence before a reset counts until a source is received, beyond the longest source timeout.
+            None => {
+                let silent = finding.lost_for + now.saturating_duration_since(finding.since);
+                let longest = self.config.timeouts.longest().as_ticks();
+                Duration::from_ticks(silent.as_ticks().saturating_sub(longest))
+            }
+        };
+        // After a cancelled order the stages of loss continue; after a start of the node they begin.
+        match finding.silent_since < finding.since {
+            true => lost_for.max(now.saturating_duration_since(finding.silent_since)),
+            false => lost_for,
+        }
+    }
+
+    /// The throttle to which the stages of loss would have lowered the reported one after such a time.
+    fn lost_throttle(&self, lost_for: Duration, reported: Throttle) -> Throttle {
+        let loss = &self.config.loss;
+        let falling = Duration::from_ticks(lost_for.as_ticks().saturating_sub(loss.hold.as_ticks()));
+        let fallen = falling.as_millis().saturating_mul(loss.ramp.into()) / 1000;
+        let tenths = u64::from(reported.tenths()).saturating_sub(fallen);
+        let throttle = u16::try_from(tenths).ok().and_then(|tenths| Throttle::from_tenths(tenths).ok());
+        let safe = loss.throttle.min(reported);
+        if self.resets >= RESETS_MAX { safe } else { throttle.unwrap_or(reported).max(safe) }
+    }
+}
