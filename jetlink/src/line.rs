@@ -97,7 +97,7 @@ pub enum LineError {
 settings! {
     /// Conditions for a link that is up, and for one that is lost. Each protocol has its own defaults, `TIMING` of its `Config`.
     pub struct Timing, "timing.", AtRest, defaults elsewhere {
-        up_after: frames "LINK_UP_AFTER" in 1..=255, "Consecutive good frames, each within `lost_after` of the one before, until the link is up.";
+        up_after: frames "LINK_UP_AFTER" in 1..=255, ConfigOnly, "Consecutive good frames, each within `lost_after` of the one before, until the link is up.";
         lost_after: ms "LINK_LOST" in 200..=60_000, "Silence until the link is lost.";
     }
 }

@@ -125,6 +125,8 @@ pub const OFF: i32 = -1;
 pub enum Effect {
     /// With the next frame, command or deadline.
     AtOnce,
+    /// As [`Effect::AtOnce`], but while the engine turns, or is ordered to, a change is refused.
+    UnlessTurning,
     /// When the engine is at rest: standby or an emergency stop is in force, and the ECU reports a stopped engine. So it is in
     /// effect before the engine's next start, and never changes in flight.
     AtRest,
@@ -152,6 +154,9 @@ pub struct Setting {
     pub may_be_off: bool,
     /// When a new value takes effect.
     pub effect: Effect,
+    /// It is offered as a parameter. Any other is set in the table of engines alone: it is for sources that few boards have, for a
+    /// governor, which takes rpm demands that MAVLink does not carry, or a number that follows from the protocol.
+    pub parameter: bool,
     /// Symbol of its unit.
     pub symbol: &'static str,
     /// Description, in a sentence.
@@ -182,6 +187,8 @@ pub struct Row {
     pub may_be_off: bool,
     /// When a new value takes effect.
     pub effect: Effect,
+    /// It is offered as a parameter, as of its [`Setting`].
+    pub parameter: bool,
 }
 
 impl Row {
@@ -194,12 +201,12 @@ impl Row {
 /// The rows of a table.
 #[doc(hidden)]
 pub const fn rows<const N: usize>(settings: &[Setting]) -> [Row; N] {
-    let empty = Row { name: "", min: 0, max: 0, may_be_off: false, effect: Effect::AtOnce };
+    let empty = Row { name: "", min: 0, max: 0, may_be_off: false, effect: Effect::AtOnce, parameter: true };
     let mut rows = [empty; N];
     let mut i = 0;
     while i < N {
-        let Setting { name, min, max, may_be_off, effect, .. } = settings[i];
-        rows[i] = Row { name, min, max, may_be_off, effect };
+        let Setting { name, min, max, may_be_off, effect, parameter, .. } = settings[i];
+        rows[i] = Row { name, min, max, may_be_off, effect, parameter };
         i += 1;
     }
     rows
@@ -229,6 +236,30 @@ pub(crate) const fn row(name: &str, rows: &[Row]) -> Row {
         place += 1;
     }
     panic!("no setting of this name")
+}
+
+/// A column of a row: that of its group, or the row's own.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! column {
+    (effect $effect:ident) => {
+        $crate::setting::Effect::$effect
+    };
+    (effect $effect:ident UnlessTurning $($more:ident)*) => {
+        $crate::column!(effect UnlessTurning $($more)*)
+    };
+    (effect $effect:ident ConfigOnly $($more:ident)*) => {
+        $crate::column!(effect $effect $($more)*)
+    };
+    (parameter) => {
+        true
+    };
+    (parameter UnlessTurning $($more:ident)*) => {
+        $crate::column!(parameter $($more)*)
+    };
+    (parameter ConfigOnly $($more:ident)*) => {
+        false
+    };
 }
 
 /// Returns the expression in a place.
@@ -401,6 +432,9 @@ pub mod kind {
 /// Declares a struct of settings. See the head of `setting.rs`; in use in `engine/config.rs`. A package with settings of its
 /// own may declare them with it, so that one table serves all; it needs a feature `defmt`, if only an empty one.
 ///
+/// After its range a row may have `UnlessTurning`, where its effect differs from that of the struct ([`Effect::UnlessTurning`]), and
+/// `ConfigOnly`, where it is no parameter ([`Setting::parameter`]).
+///
 /// A struct whose defaults are stated elsewhere, as of the settings that every protocol has, is declared with `defaults elsewhere`
 /// and without `= default`. It has no `DEFAULT`; its `table` makes the rows from given defaults.
 #[macro_export]
@@ -408,14 +442,14 @@ macro_rules! settings {
     (
         $(#[$meta:meta])*
         pub struct $group:ident, $prefix:literal, $effect:ident {
-            $( $(#[$more:meta])* $field:ident: $kind:ident $name:literal = $default:literal in $min:literal..=$max:literal, $text:literal; )*
+            $( $(#[$more:meta])* $field:ident: $kind:ident $name:literal = $default:literal in $min:literal..=$max:literal $(, $column:ident)*, $text:literal; )*
         }
         $( groups { $( $(#[$gmeta:meta])* $inner:ident: $itype:ty = $idefault:expr; )* } )?
     ) => {
         $crate::settings! {
             $(#[$meta])*
             pub struct $group, $prefix, $effect, defaults elsewhere {
-                $( $(#[$more])* $field: $kind $name in $min..=$max, $text, concat!("default ", $default, ", "); )*
+                $( $(#[$more])* $field: $kind $name in $min..=$max $(, $column)*, $text, concat!("default ", $default, ", "); )*
             }
             $( groups { $( $(#[$gmeta])* $inner: $itype; )* } )?
         }
@@ -434,7 +468,7 @@ macro_rules! settings {
     (
         $(#[$meta:meta])*
         pub struct $group:ident, $prefix:literal, $effect:ident, defaults elsewhere {
-            $( $(#[$more:meta])* $field:ident: $kind:ident $name:literal in $min:literal..=$max:literal, $text:literal $(, $shown:expr)?; )*
+            $( $(#[$more:meta])* $field:ident: $kind:ident $name:literal in $min:literal..=$max:literal $(, $column:ident)*, $text:literal $(, $shown:expr)?; )*
         }
         $( groups { $( $(#[$gmeta:meta])* $inner:ident: $itype:ty; )* } )?
     ) => {
@@ -467,7 +501,8 @@ macro_rules! settings {
                     max: $max,
                     default: $crate::setting::kind::$kind::number(&defaults.$field),
                     may_be_off: $crate::setting::kind::$kind::MAY_BE_OFF,
-                    effect: $crate::setting::Effect::$effect,
+                    effect: $crate::column!(effect $effect $($column)*),
+                    parameter: $crate::column!(parameter $($column)*),
                     text: $text,
                     symbol: $crate::symbol!($kind),
                     message: concat!($prefix, stringify!($field), ": ", $min, " to ", $max, " ", $crate::symbol!($kind)),
@@ -481,9 +516,17 @@ macro_rules! settings {
                     min: $min,
                     max: $max,
                     may_be_off: $crate::setting::kind::$kind::MAY_BE_OFF,
-                    effect: $crate::setting::Effect::$effect,
+                    effect: $crate::column!(effect $effect $($column)*),
+                    parameter: $crate::column!(parameter $($column)*),
                 },
             )* ];
+
+            /// Number of the structs of settings in this one.
+            #[allow(dead_code, reason = "most have none")]
+            const GROUPS: usize = {
+                let groups: &[&str] = &[$( $( stringify!($inner) ),* )?];
+                groups.len()
+            };
 
             /// The number of the one in this place of the rows.
             const fn number_at(&self, place: usize) -> i32 {
@@ -492,6 +535,19 @@ macro_rules! settings {
                 }, $crate::setting::OFF)
             }
 
+            /// Changes the one in this place of the rows; the range has been checked.
+            fn set_at(&mut self, place: usize, value: i32) -> bool {
+                $crate::setting::by_place!(place, {
+                    $( { self.$field = $crate::setting::kind::$kind::make(value); true }; )*
+                }, false)
+            }
+        }
+
+        $crate::settings!(@by_name $group);
+    };
+    // What follows from the rows of a struct, and from the numbers in their places.
+    (@by_name $group:ident) => {
+        impl $group {
             /// The index of the first of these that is out of its range, from 0.
             #[allow(dead_code, reason = "a yes or no has no range")]
             pub(crate) const fn check_own(&self) -> Result<(), u8> {
@@ -512,15 +568,12 @@ macro_rules! settings {
 
             /// Changes one of these; the range has been checked. False if it is not one of these.
             pub(crate) fn set_own(&mut self, name: &str, value: i32) -> bool {
-                let Some(place) = $crate::setting::place_of(name, Self::ROWS) else { return false };
-                $crate::setting::by_place!(place, {
-                    $( { self.$field = $crate::setting::kind::$kind::make(value); true }; )*
-                }, false)
+                $crate::setting::place_of(name, Self::ROWS).is_some_and(|place| self.set_at(place, value))
             }
         }
     };
 }
 
 #[doc(hidden)]
-pub use crate::{by_place, symbol};
+pub use crate::{by_place, column, symbol};
 pub use settings;

@@ -1,7 +1,6 @@
 //! Settings of MAVLink: of the node, and of each engine beside those of its supervision. All are parameters.
 
 use jetlink::config::EngineConfig;
-use jetlink::setting::Effect;
 use jetlink::setting::{Row, settings};
 
 settings! {
@@ -17,9 +16,9 @@ settings! {
 settings! {
     /// Settings of the node.
     pub struct NodeSettings, "", AtOnce {
-        ground_1: number "MAV_GCS_1" = 255 in 0..=255, "System id of a ground station that may command and set. 0: none.";
-        ground_2: number "MAV_GCS_2" = 0 in 0..=255, "System id of another one. 0: none.";
-        own_vehicle: yes_no "MAV_OWN_CMD" = 1 in 0..=1, "Components of our own vehicle may command and set.";
+        ground_1: number "MAV_GCS_1" = 255 in 0..=255, UnlessTurning, "System id of a ground station that may command and set. 0: none.";
+        ground_2: number "MAV_GCS_2" = 0 in 0..=255, UnlessTurning, "System id of another one. 0: none.";
+        own_vehicle: yes_no "MAV_OWN_CMD" = 1 in 0..=1, UnlessTurning, "Components of our own vehicle may command and set.";
         efi_engine: number "MAV_EFI_ENGINE" = 1 in 0..=255, "Engine whose EFI_STATUS goes to the autopilot's port, from 1. 0: none. 255: all; an ArduPilot mixes them.";
         efi_interval: ms "MAV_EFI_EVERY" = 250 in 100..=10_000, "Time between two EFI_STATUS of an engine on the autopilot's port.";
         progress: yes_no "MAV_IN_PROGRESS" = 0 in 0..=1, "A start is answered IN_PROGRESS, each second, and finally when the engine runs or the start has ended. QGroundControl and Mission Planner send no other command to the engine until then, a stop neither.";
@@ -33,11 +32,11 @@ settings! {
 settings! {
     /// Settings of an engine.
     pub struct EngineSettings, "mavlink.", AtOnce {
-        source: number "MAV_THR_SRC" = 1 in 0..=2, "Source of its demand. 0: none, it idles. 1: an output of the autopilot (SERVO_OUTPUT_RAW). 2: RC_CHANNELS_OVERRIDE addressed to the engine.";
-        output: number "MAV_THR_OUT" = 3 in 1..=32, "Number of that output or channel.";
-        low: pulse "MAV_THR_MIN" = 1100 in 800..=2200, "Pulse width of idle.";
-        high: pulse "MAV_THR_MAX" = 1900 in 800..=2200, "Pulse width of full throttle.";
-        reversed: yes_no "MAV_THR_REV" = 0 in 0..=1, "The output is reversed: the shorter pulse is full throttle.";
+        source: number "MAV_THR_SRC" = 1 in 0..=2, UnlessTurning, "Source of its demand. 0: none, it idles. 1: an output of the autopilot (SERVO_OUTPUT_RAW). 2: RC_CHANNELS_OVERRIDE addressed to the engine.";
+        output: number "MAV_THR_OUT" = 3 in 1..=32, UnlessTurning, "Number of that output or channel.";
+        low: pulse "MAV_THR_MIN" = 1100 in 800..=2200, UnlessTurning, "Pulse width of idle.";
+        high: pulse "MAV_THR_MAX" = 1900 in 800..=2200, UnlessTurning, "Pulse width of full throttle.";
+        reversed: yes_no "MAV_THR_REV" = 0 in 0..=1, UnlessTurning, "The output is reversed: the shorter pulse is full throttle.";
         relight: yes_no "MAV_RELIGHT" = 0 in 0..=1, "A start is accepted with the throttle above idle, for a relight in flight: the engine starts at idle and then rises to it.";
         disarmed_standby: ms_or_off "MAV_DISARM_STBY" = -1 in 1000..=3_600_000, "Standby, when the vehicle has been disarmed for this time without a gap. Off: never.";
     }
@@ -46,38 +45,6 @@ settings! {
 /// The setting that the node itself changes.
 pub(crate) const LEARNT: &str = "MAV_SYSID_LEARN";
 
-/// Settings of an engine that are no parameters: only `src/config.rs` changes them. They are for sources that few boards have, for
-/// a governor, which takes rpm demands that MAVLink does not carry, or for numbers that follow from the protocol.
-pub const ONLY_IN_CONFIG: [&str; 22] = [
-    "SRC_EMERG_TOUT",
-    "SRC_RC_TOUT",
-    "SRC_BENCH_TOUT",
-    "SRC_RECOVER",
-    "SRC_RETURN",
-    "TKO_THR_BAND",
-    "TKO_RPM_BAND",
-    "TKO_WAIT",
-    "LOSS_LOW_STBY",
-    "START_LINK",
-    "BURNING_EGT",
-    "SERVICE_TIME",
-    "LIM_JUMP",
-    "LIM_JUMP_ACT",
-    "GOV_ENABLE",
-    "GOV_P",
-    "GOV_I",
-    "GOV_THR_MAX",
-    "GOV_SLEW",
-    "GOV_RPM_MAX",
-    "GOV_RPM_AGE",
-    "LINK_UP_AFTER",
-];
-
-/// Whether a setting of an engine is a parameter.
-pub(crate) fn is_parameter(name: &str) -> bool {
-    !ONLY_IN_CONFIG.contains(&name)
-}
-
 // The tables of parameters without their texts: an image does not hold those.
 
 fn node_rows() -> impl Iterator<Item = &'static Row> {
@@ -85,7 +52,7 @@ fn node_rows() -> impl Iterator<Item = &'static Row> {
 }
 
 pub(crate) fn engine_rows(config: &EngineConfig) -> impl Iterator<Item = &'static Row> + use<> {
-    config.rows().filter(|row| is_parameter(row.name)).chain(EngineSettings::ROWS)
+    config.rows().filter(|row| row.parameter).chain(EngineSettings::ROWS)
 }
 
 /// A table of parameters, which is stored as one record.
@@ -131,13 +98,6 @@ impl EngineSettings {
             _ => DemandSource::None,
         }
     }
-
-    /// Whether a change of this one waits until the engine is at rest.
-    pub(crate) fn needs_rest(name: &str) -> bool {
-        Self::ROWS
-            .iter()
-            .any(|row| row.name == name && !matches!(row.name, "MAV_DISARM_STBY" | "MAV_RELIGHT"))
-    }
 }
 
 impl NodeSettings {
@@ -155,14 +115,6 @@ impl NodeSettings {
     /// Changes a setting whose range has been checked. False: there is none of this name.
     pub(crate) fn set(&mut self, name: &str, number: i32) -> bool {
         self.identity.set_own(name, number) || self.set_own(name, number)
-    }
-
-    /// Whether a change of this one waits until every engine is at rest: who may command, and all that counts from the next
-    /// start on.
-    pub(crate) fn needs_rest(name: &str) -> bool {
-        let row = Self::TABLE_ROWS.into_iter().flatten().find(|row| row.name == name);
-        row.is_some_and(|row| row.effect == Effect::AtNextStart)
-            || matches!(name, "MAV_GCS_1" | "MAV_GCS_2" | "MAV_OWN_CMD")
     }
 }
 

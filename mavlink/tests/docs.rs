@@ -8,8 +8,9 @@ use jetlink::setting::{Effect, OFF, Setting, Unit};
 use jetlink_mavlink::service::parameters::{engine_parameters, node_parameters};
 use jetlink_mavlink::services;
 
-/// Rows with the rest of their text, and with their default in words where it is not the row's own.
-fn table(rows: &[(&Setting, &str, Option<String>)]) -> String {
+/// Rows with the rest of their text, and with their default in words where it is not the row's own. `turning`: what is refused
+/// while it turns.
+fn table(rows: &[(&Setting, &str, Option<String>)], turning: &str) -> String {
     let mut table = String::from("| parameter | default | range | what |\n|---|---|---|---|\n");
     for (row, of, default) in rows {
         let off = if row.may_be_off { ", or -1: off" } else { "" };
@@ -22,9 +23,10 @@ fn table(rows: &[(&Setting, &str, Option<String>)]) -> String {
             if row.default == OFF && row.may_be_off { "off".into() } else { row.default.to_string() }
         });
         let next = match row.effect {
-            Effect::AtNextStart => " Counts from the next start on.",
-            Effect::AtRest => " Takes effect when the engine is at rest.",
-            _ => "",
+            Effect::AtNextStart => format!(" Counts from the next start on. Refused while {turning} turns."),
+            Effect::UnlessTurning => format!(" Refused while {turning} turns."),
+            Effect::AtRest => " Takes effect when the engine is at rest.".into(),
+            _ => String::new(),
         };
         table += &format!("| `{}` | {default} | {range} | {}{next}{of} |\n", row.name, row.text);
     }
@@ -53,10 +55,10 @@ fn parameters() -> String {
         "Component of the node, {} parameters:\n\n{}\nComponent of each engine, {} parameters with an AMT ECU and {} with a ZK \
          ECU:\n\n{}",
         node.len(),
-        table(&node),
+        table(&node, "an engine"),
         of_amt.len(),
         of_zk.len(),
-        table(&engine)
+        table(&engine, "the engine")
     )
 }
 

@@ -4,7 +4,7 @@ use jetlink::setting::{Row, Setting, settings};
 
 settings! {
     /// Settings of an engine.
-    pub struct EngineSettings, "rc.", AtOnce {
+    pub struct EngineSettings, "rc.", UnlessTurning {
         throttle: number "RC_THR_CH" = 3 in 0..=18, "Channel of the throttle. 0: radio control does not command this engine.";
         low: pulse "RC_THR_MIN" = 1100 in 800..=2200, "Pulse width of idle.";
         high: pulse "RC_THR_MAX" = 1900 in 800..=2200, "Pulse width of full throttle. At least 300 µs above that of idle.";

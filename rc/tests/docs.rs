@@ -15,7 +15,11 @@ fn table(rows: &[Setting]) -> String {
         };
         let default =
             if row.default == OFF && row.may_be_off { "off".into() } else { row.default.to_string() };
-        let next = if row.effect == Effect::AtNextStart { " Counts from the next start on." } else { "" };
+        let next = match row.effect {
+            Effect::AtNextStart => " Counts from the next start on.",
+            Effect::UnlessTurning => " Refused while the engine turns.",
+            _ => "",
+        };
         table += &format!("| `{}` | {default} | {range} | {}{next} |\n", row.name, row.text);
     }
     table

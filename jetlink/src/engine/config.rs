@@ -3,17 +3,17 @@
 use crate::command::Origin;
 use crate::limit::{Action, Limit};
 use crate::setting::{
-    self, Row, Setting, SettingError, SettingId, by_place, kind, place_of, rows, settings, symbol,
+    self, Effect, Row, Setting, SettingError, SettingId, by_place, column, kind, rows, settings, symbol,
 };
 use embassy_time::Duration;
 
 settings! {
     /// Timeout of each source, in the order of their priority.
     pub struct SourceTimeouts, "timeouts.", AtOnce {
-        emergency: ms "SRC_EMERG_TOUT" = 500 in 50..=60_000, "Timeout of a local emergency input.";
-        rc: ms "SRC_RC_TOUT" = 500 in 50..=60_000, "Timeout of radio control.";
+        emergency: ms "SRC_EMERG_TOUT" = 500 in 50..=60_000, ConfigOnly, "Timeout of a local emergency input.";
+        rc: ms "SRC_RC_TOUT" = 500 in 50..=60_000, ConfigOnly, "Timeout of radio control.";
         mavlink: ms "SRC_MAV_TOUT" = 1000 in 50..=60_000, "Timeout of MAVLink, whose streams slow down during transfers.";
-        bench: ms "SRC_BENCH_TOUT" = 500 in 50..=60_000, "Timeout of a test rig or bench program.";
+        bench: ms "SRC_BENCH_TOUT" = 500 in 50..=60_000, ConfigOnly, "Timeout of a test rig or bench program.";
     }
 }
 
@@ -38,9 +38,9 @@ impl SourceTimeouts {
 settings! {
     /// A source that takes over waits until its demand is close to the one in force, or until its wait is over.
     pub struct Takeover, "takeover.", AtOnce {
-        throttle_band: throttle "TKO_THR_BAND" = 50 in 0..=1000, "Largest difference of two throttles for a take-over.";
-        rpm_band: rpm "TKO_RPM_BAND" = 5000 in 0..=16_000_000, "Largest difference of two rpm demands for a take-over. A throttle and an rpm are never close.";
-        within: ms "TKO_WAIT" = 2000 in 0..=60_000, "Longest wait of a source that takes over.";
+        throttle_band: throttle "TKO_THR_BAND" = 50 in 0..=1000, ConfigOnly, "Largest difference of two throttles for a take-over.";
+        rpm_band: rpm "TKO_RPM_BAND" = 5000 in 0..=16_000_000, ConfigOnly, "Largest difference of two rpm demands for a take-over. A throttle and an rpm are never close.";
+        within: ms "TKO_WAIT" = 2000 in 0..=60_000, ConfigOnly, "Longest wait of a source that takes over.";
     }
 }
 
@@ -51,7 +51,7 @@ settings! {
         throttle: throttle "LOSS_THR" = 0 in 0..=1000, "Fail-safe throttle. It only ever lowers: a lower demand stays. An rpm demand goes to the engine's idle rpm instead.";
         ramp: rate "LOSS_RAMP" = 500 in 10..=65_535, "Rate at which the demand goes to the fail-safe throttle.";
         standby_after: ms_or_off "LOSS_STANDBY" = -1 in 0..=3_600_000, "Standby, counted from the end of the hold. Off: never while the ECU reports a running engine, otherwise after 10 s.";
-        lower_standby_after: ms "LOSS_LOW_STBY" = 5000 in 0..=3_600_000, "A lower source that streams standby ends a run that another began only when the fail-safe stage has lasted this long.";
+        lower_standby_after: ms "LOSS_LOW_STBY" = 5000 in 0..=3_600_000, ConfigOnly, "A lower source that streams standby ends a run that another began only when the fail-safe stage has lasted this long.";
     }
 }
 
@@ -59,7 +59,7 @@ settings! {
     /// Interlocks of a start. A refusal names the first that is not satisfied.
     pub struct StartRules, "start.", AtOnce {
         arming: yes_no "START_ARMING" = 1 in 0..=1, "The engine has to be armed.";
-        link_stable: ms "START_LINK" = 1000 in 0..=60_000, "Time for which the link has to be up without a gap.";
+        link_stable: ms "START_LINK" = 1000 in 0..=60_000, ConfigOnly, "Time for which the link has to be up without a gap.";
         idle_band: throttle "START_IDLE" = 20 in 0..=1000, "Highest throttle of a demand that starts the engine.";
         egt_max: celsius "START_EGT" = 1000 in -32_768..=32_767, "Highest exhaust temperature; a hot engine has to cool first. Below −40 °C or above 1100 °C the thermocouple counts as broken and the temperature as unknown.";
         supply_min: millivolts_or_off "START_SUPPLY" = -1 in 0..=1_000_000, "Lowest supply voltage, as last reported by the ECU, or measured by the board where the ECU reports none. Off: not checked.";
@@ -85,7 +85,7 @@ settings! {
 
 /// Declares [`Limits`]: two settings for each limit, its value and its action.
 macro_rules! limits {
-    ( $( $field:ident: $inner:ident $kind:ident $name:literal = $default:literal in $min:literal..=$max:literal, $action:literal, $text:literal; )* ) => {
+    ( $( $field:ident: $inner:ident $kind:ident $name:literal = $default:literal in $min:literal..=$max:literal $(, $column:ident)*, $action:literal, $text:literal; )* ) => {
         /// Limits of an engine. A limit is violated when two consecutive values exceed it: AMT frames carry no checksum, and
         /// one odd frame is no fault.
         #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -115,20 +115,21 @@ macro_rules! limits {
                         max: $max,
                         default: $default,
                         may_be_off: true,
-                        effect: crate::setting::Effect::AtOnce,
+                        effect: column!(effect AtOnce $($column)*),
+                        parameter: column!(parameter $($column)*),
                         text: $text,
                         symbol: symbol!($kind),
                         message: concat!("limits.", stringify!($field), ": ", $min, " to ", $max, " ", symbol!($kind)),
                     },
-                    Self::action($action, concat!("limits.", stringify!($field), ".action")),
+                    Self::action($action, concat!("limits.", stringify!($field), ".action"), column!(parameter $($column)*)),
                 )*
-                Self::action("LIM_FAULT_ACT", "limits.ecu_fault"),
+                Self::action("LIM_FAULT_ACT", "limits.ecu_fault", true),
             ];
 
             /// The same rows without their texts.
             pub const ROWS: &'static [Row] = &rows::<{ Self::SETTINGS.len() }>(Self::SETTINGS);
 
-            const fn action(name: &'static str, field: &'static str) -> Setting {
+            const fn action(name: &'static str, field: &'static str, parameter: bool) -> Setting {
                 Setting {
                     name,
                     field,
@@ -137,7 +138,8 @@ macro_rules! limits {
                     max: 2,
                     default: 0,
                     may_be_off: false,
-                    effect: crate::setting::Effect::AtOnce,
+                    effect: Effect::AtOnce,
+                    parameter,
                     text: "Action, beside the report.",
                     symbol: symbol!(action),
                     message: concat!("a limit's action: ", symbol!(action)),
@@ -160,23 +162,7 @@ macro_rules! limits {
                 }, crate::setting::OFF)
             }
 
-            const fn check_own(&self) -> Result<(), u8> {
-                let mut place = 0;
-                while place < Self::ROWS.len() {
-                    if !Self::ROWS[place].allows(self.number_at(place)) {
-                        return Err(place as u8);
-                    }
-                    place += 1;
-                }
-                Ok(())
-            }
-
-            fn own(&self, name: &str) -> Option<i32> {
-                place_of(name, Self::ROWS).map(|place| self.number_at(place))
-            }
-
-            fn set_own(&mut self, name: &str, value: i32) -> bool {
-                let Some(place) = place_of(name, Self::ROWS) else { return false };
+            fn set_at(&mut self, place: usize, value: i32) -> bool {
                 by_place!(place, {
                     $(
                         { self.$field.at = kind::$kind::make(value); true };
@@ -186,6 +172,8 @@ macro_rules! limits {
                 }, false)
             }
         }
+
+        settings!(@by_name Limits);
     };
 }
 
@@ -196,7 +184,7 @@ limits! {
     hot_start: celsius_rate celsius_rate_or_off "LIM_HOT" = 200 in 10..=65_535, "LIM_HOT_ACT", "Fastest rise of the exhaust temperature during a start. The simulated turbines rise by 125 °C/s in a good start and by 270 °C/s in a hot one.";
     flame_out: percent percent_or_off "LIM_FLAME" = 25 in 5..=95, "LIM_FLAME_ACT", "Largest share of its speed that the shaft may lose within 2 s without a lower demand.";
     supply_low: millivolts millivolts_or_off "LIM_SUPPLY" = -1 in 0..=1_000_000, "LIM_SUPPLY_ACT", "Lowest supply voltage.";
-    implausible: rpm_rate rpm_rate_or_off "LIM_JUMP" = 150_000 in 1000..=16_000_000, "LIM_JUMP_ACT", "Fastest change of shaft speed that a turbine can make.";
+    implausible: rpm_rate rpm_rate_or_off "LIM_JUMP" = 150_000 in 1000..=16_000_000, ConfigOnly, "LIM_JUMP_ACT", "Fastest change of shaft speed that a turbine can make.";
 }
 
 settings! {
@@ -206,24 +194,24 @@ settings! {
     /// maximum speed (`tests/wire_governor.rs`): overshoot at most 3.1 % of the step, within 1.5 % of the target after at most
     /// 14.2 s, then within 0.6 %. Twice the integral gain is a limit cycle: the engines accelerate at a limited rate.
     pub struct Governor, "governor.", AtOnce {
-        proportional: gain "GOV_P" = 8 in 1..=100, "Throttle for 1000 rpm of error.";
-        integral: gain "GOV_I" = 6 in 0..=100, "Throttle per second for 1000 rpm of error.";
-        authority: throttle "GOV_THR_MAX" = 1000 in 0..=1000, "Highest throttle that the governor may set.";
-        slew: rate "GOV_SLEW" = 300 in 10..=1000, "Rate at which its output may rise.";
-        max_rpm: rpm "GOV_RPM_MAX" = 110_000 in 10_000..=250_000, "Highest shaft speed that may be commanded; higher demands are clamped.";
-        max_age: ms "GOV_RPM_AGE" = 600 in 200..=5000, "Older rpm telemetry is not used: the throttle then goes to idle.";
+        proportional: gain "GOV_P" = 8 in 1..=100, ConfigOnly, "Throttle for 1000 rpm of error.";
+        integral: gain "GOV_I" = 6 in 0..=100, ConfigOnly, "Throttle per second for 1000 rpm of error.";
+        authority: throttle "GOV_THR_MAX" = 1000 in 0..=1000, ConfigOnly, "Highest throttle that the governor may set.";
+        slew: rate "GOV_SLEW" = 300 in 10..=1000, ConfigOnly, "Rate at which its output may rise.";
+        max_rpm: rpm "GOV_RPM_MAX" = 110_000 in 10_000..=250_000, ConfigOnly, "Highest shaft speed that may be commanded; higher demands are clamped.";
+        max_age: ms "GOV_RPM_AGE" = 600 in 200..=5000, ConfigOnly, "Older rpm telemetry is not used: the throttle then goes to idle.";
     }
 }
 
 settings! {
     /// Supervision of one engine.
     pub struct Supervision, "", AtOnce {
-        recover_after: ms "SRC_RECOVER" = 1000 in 100..=60_000, "Time without a gap for which a source that was lost has to be received before it is in control again.";
-        return_within: ms "SRC_RETURN" = 1000 in 0..=10_000, "A source that was received without a gap for `recover_after` and returns within this time after its timeout resumes at `rise`, without a take-over.";
+        recover_after: ms "SRC_RECOVER" = 1000 in 100..=60_000, ConfigOnly, "Time without a gap for which a source that was lost has to be received before it is in control again.";
+        return_within: ms "SRC_RETURN" = 1000 in 0..=10_000, ConfigOnly, "A source that was received without a gap for `recover_after` and returns within this time after its timeout resumes at `rise`, without a take-over.";
         rise: rate "RISE" = 500 in 10..=65_535, "Rate at which the demand rises after a start, a take-over, a reduction, a gap or a reset, until it has reached the commanded demand.";
         when_other_fails: share_or_off "OTHER_FAILS" = -1 in 0..=1000, "Share to which the demand is reduced while another engine of the group has failed. Off: the failure is only reported.";
-        burning_egt: celsius "BURNING_EGT" = 3000 in 1000..=6000, "Exhaust temperature above which the engine counts as burning while its ECU reports faults instead of a state (AMT-8).";
-        service_time: ms "SERVICE_TIME" = 30_000 in 1000..=300_000, "Longest time for which a service keeps the fuel pump open.";
+        burning_egt: celsius "BURNING_EGT" = 3000 in 1000..=6000, ConfigOnly, "Exhaust temperature above which the engine counts as burning while its ECU reports faults instead of a state (AMT-8).";
+        service_time: ms "SERVICE_TIME" = 30_000 in 1000..=300_000, ConfigOnly, "Longest time for which a service keeps the fuel pump open.";
     }
     groups {
         /// Timeout of each source.
@@ -254,61 +242,88 @@ const GOVERNOR: Setting = Setting {
     max: 1,
     default: 0,
     may_be_off: false,
-    effect: crate::setting::Effect::AtOnce,
+    effect: Effect::AtOnce,
+    parameter: false,
     text: "Speed control over the throttle, for ECUs without one (`Some(Governor::DEFAULT)`).",
     symbol: symbol!(yes_no),
     message: concat!("governor: ", symbol!(yes_no)),
 };
 
+/// What is made of every group of settings, in the order of the table. The last one is optional, and its switch comes before it.
+macro_rules! groups {
+    ($this:ident, { $( $group:ident: $place:expr; )* } optional $switch:ident $optional:ident: $option:expr) => {
+        impl Supervision {
+            const TABLES: usize = [$( stringify!($group) ),*].len() + 2;
+
+            /// Table of settings, group by group. The order is fixed.
+            pub const TABLE: [&'static [Setting]; Self::TABLES] =
+                [$( $group::SETTINGS, )* &[$switch], $optional::SETTINGS];
+
+            /// The same table without its texts.
+            pub const TABLE_ROWS: [&'static [Row]; Self::TABLES] =
+                [$( $group::ROWS, )* &rows::<1>(&[$switch]), $optional::ROWS];
+
+            /// The check of each group.
+            const fn checks(&$this) -> [Result<(), u8>; Self::TABLES] {
+                let optional = match &$option {
+                    Some(group) => group.check_own(),
+                    None => Ok(()),
+                };
+                [$( $place.check_own(), )* Ok(()), optional]
+            }
+
+            /// The value of a setting; [`crate::setting::OFF`] where it is off. For a governor that is off: its default.
+            pub fn number(&$this, name: &str) -> Option<i32> {
+                if name == GOVERNOR_NAME {
+                    return Some(i32::from($option.is_some()));
+                }
+                let optional = $option.unwrap_or($optional::DEFAULT);
+                None$( .or_else(|| $place.own(name)) )*.or_else(|| optional.own(name))
+            }
+
+            /// Changes a setting whose range has been checked. False: there is none of this name, or it belongs to a governor
+            /// that is off.
+            pub(crate) fn change(&mut $this, name: &str, number: i32) -> bool {
+                if name == GOVERNOR_NAME {
+                    let on = $option.unwrap_or($optional::DEFAULT);
+                    $option = (number != 0).then_some(on);
+                    return true;
+                }
+                $( $place.set_own(name, number) || )*
+                    $option.as_mut().is_some_and(|optional| optional.set_own(name, number))
+            }
+        }
+
+        // `Supervision` is listed and no group of itself; the optional group stands apart.
+        const _: () = assert!(
+            Supervision::GROUPS == [$( stringify!($group) ),*].len(),
+            "a group of `Supervision` is not in `groups!`"
+        );
+    };
+}
+
+groups! {
+    self, {
+        SourceTimeouts: self.timeouts;
+        Takeover: self.takeover;
+        Loss: self.loss;
+        StartRules: self.start;
+        Slew: self.slew;
+        Supervision: self;
+        Limits: self.limits;
+    }
+    optional GOVERNOR Governor: self.governor
+}
+
 impl Supervision {
-    /// Table of settings, group by group. The order is fixed.
-    pub const TABLE: [&'static [Setting]; 9] = [
-        SourceTimeouts::SETTINGS,
-        Takeover::SETTINGS,
-        Loss::SETTINGS,
-        StartRules::SETTINGS,
-        Slew::SETTINGS,
-        Self::SETTINGS,
-        Limits::SETTINGS,
-        &[GOVERNOR],
-        Governor::SETTINGS,
-    ];
-
-    /// The same table without its texts.
-    pub const TABLE_ROWS: [&'static [Row]; 9] = [
-        SourceTimeouts::ROWS,
-        Takeover::ROWS,
-        Loss::ROWS,
-        StartRules::ROWS,
-        Slew::ROWS,
-        Self::ROWS,
-        Limits::ROWS,
-        &rows::<1>(&[GOVERNOR]),
-        Governor::ROWS,
-    ];
-
     /// Checks every range.
     ///
     /// # Errors
     /// The first setting that is out of its range.
     pub const fn validate(&self) -> Result<(), SettingId> {
-        let governor = match &self.governor {
-            Some(governor) => governor.check_own(),
-            None => Ok(()),
-        };
-        let checks = [
-            self.timeouts.check_own(),
-            self.takeover.check_own(),
-            self.loss.check_own(),
-            self.start.check_own(),
-            self.slew.check_own(),
-            self.check_own(),
-            self.limits.check_own(),
-            Ok(()),
-            governor,
-        ];
-        const LENGTHS: [u8; 9] = {
-            let mut lengths = [0; 9];
+        let checks = self.checks();
+        const LENGTHS: [u8; Supervision::TABLES] = {
+            let mut lengths = [0; Supervision::TABLES];
             let mut group = 0;
             while group < lengths.len() {
                 lengths[group] = Supervision::TABLE[group].len() as u8;
@@ -351,23 +366,6 @@ impl Supervision {
         Self::TABLE.into_iter().flatten().find(|setting| setting.name == name)
     }
 
-    /// The value of a setting; [`crate::setting::OFF`] where it is off. For a governor that is off: its default.
-    pub fn number(&self, name: &str) -> Option<i32> {
-        let governor = self.governor.unwrap_or(Governor::DEFAULT);
-        if name == GOVERNOR_NAME {
-            return Some(i32::from(self.governor.is_some()));
-        }
-        self.timeouts
-            .own(name)
-            .or_else(|| self.takeover.own(name))
-            .or_else(|| self.loss.own(name))
-            .or_else(|| self.start.own(name))
-            .or_else(|| self.slew.own(name))
-            .or_else(|| self.own(name))
-            .or_else(|| self.limits.own(name))
-            .or_else(|| governor.own(name))
-    }
-
     /// Changes a setting.
     ///
     /// # Errors
@@ -379,24 +377,6 @@ impl Supervision {
             return Err(SettingError::OutOfRange(setting));
         }
         if self.change(name, number) { Ok(()) } else { Err(SettingError::Off(setting)) }
-    }
-
-    /// Changes a setting whose range has been checked. False: there is none of this name, or it belongs to a governor that is
-    /// off.
-    pub(crate) fn change(&mut self, name: &str, number: i32) -> bool {
-        if name == GOVERNOR_NAME {
-            let on = self.governor.unwrap_or(Governor::DEFAULT);
-            self.governor = (number != 0).then_some(on);
-            return true;
-        }
-        self.timeouts.set_own(name, number)
-            || self.takeover.set_own(name, number)
-            || self.loss.set_own(name, number)
-            || self.start.set_own(name, number)
-            || self.slew.set_own(name, number)
-            || self.set_own(name, number)
-            || self.limits.set_own(name, number)
-            || self.governor.as_mut().is_some_and(|governor| governor.set_own(name, number))
     }
 }
 

@@ -10,7 +10,7 @@ use crate::ids::{PARAM_REAL32, Severity};
 use crate::number::whole;
 use crate::port::{Class, List};
 use crate::refusal::Refusal;
-use crate::settings::{EngineSettings, NodeSettings, is_parameter};
+use crate::settings::{EngineSettings, NodeSettings};
 use embassy_time::{Duration, Instant};
 use jetlink::config::{EngineConfig, LinkSettings};
 use jetlink::setting::{Effect, Row, Setting};
@@ -28,7 +28,7 @@ pub fn node_parameters() -> impl Iterator<Item = &'static Setting> {
 
 /// The parameters of an engine, in their order, with their texts.
 pub fn engine_parameters(config: &EngineConfig) -> impl Iterator<Item = &'static Setting> {
-    config.settings().filter(|setting| is_parameter(setting.name)).chain(EngineSettings::SETTINGS)
+    config.settings().filter(|setting| setting.parameter).chain(EngineSettings::SETTINGS)
 }
 
 impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
@@ -217,7 +217,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         }
         match place {
             Place::Node => {
-                if NodeSettings::needs_rest(name) && self.any_turns() {
+                if matches!(row.effect, Effect::UnlessTurning | Effect::AtNextStart) && self.any_turns() {
                     return Err(Refusal::Turns);
                 }
                 self.settings.set(name, number);
@@ -227,7 +227,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
             }
             Place::Engine(engine) => {
                 let engine = self.engines.get_mut(engine).ok_or(Refusal::UnknownSetting)?;
-                if EngineSettings::needs_rest(name) && engine.turns() {
+                if row.effect == Effect::UnlessTurning && engine.turns() {
                     return Err(Refusal::Turns);
                 }
                 let mut settings = engine.settings;

@@ -18,7 +18,7 @@ use std::string::{String, ToString};
 use std::vec::Vec;
 
 const fn row(name: &'static str, effect: Effect) -> Row {
-    Row { name, min: 0, max: 100, may_be_off: true, effect }
+    Row { name, min: 0, max: 100, may_be_off: true, effect, parameter: true }
 }
 
 const ROWS: &[&[Row]] =
