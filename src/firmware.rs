@@ -188,7 +188,11 @@ fn build(
 #[inline(never)]
 fn node(engines: &[EngineConfig; N], reset: Reset) -> &'static Node<N> {
     static NODE: ConstStaticCell<NodePlace<N>> = ConstStaticCell::new(NodePlace::new());
-    defmt::unwrap!(NODE.take().build(engines, Some((&board::engines::RETAINED.0, reset))))
+    match NODE.take().build(engines, Some((&board::engines::RETAINED.0, reset))) {
+        Ok(node) => node,
+        // The whole sentence takes the texts of all settings into the image.
+        Err(error) => defmt::panic!("row {} of the table of engines cannot work", error.row() + 1),
+    }
 }
 
 /// Logs the use of each port.

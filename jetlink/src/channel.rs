@@ -10,6 +10,7 @@ use crate::engine::Engine;
 use crate::engine::config::Supervision;
 use crate::engine::retained::{Reset, RetainedMemory};
 use crate::event::Event;
+use crate::sentence::sentences;
 use crate::setting::SettingId;
 use crate::telemetry::Telemetry;
 use crate::units::{Hectopascals, Millivolts};
@@ -211,7 +212,6 @@ pub struct Source<'a> {
 
 /// Why a source cannot be claimed.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum ClaimError {
     /// It is claimed already.
@@ -222,17 +222,12 @@ pub enum ClaimError {
     Emergency,
 }
 
-impl core::fmt::Display for ClaimError {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::Taken(origin) => {
-                write!(f, "the source {} is claimed already: share it, or drop it first", origin.name())
-            }
-            Self::Node => f.write_str("the node is not a source: claim bench, mavlink or rc"),
-            Self::Emergency => f.write_str("claim the emergency source with emergency_source()"),
-        }
-    }
-}
+sentences!(ClaimError {
+    Self::Node => "the node is not a source: claim bench, mavlink or rc";
+    Self::Emergency => "claim the emergency source with emergency_source()";
+} {
+    Self::Taken(origin) => "the source {} is claimed already: share it, or drop it first", origin;
+});
 
 impl core::error::Error for ClaimError {}
 

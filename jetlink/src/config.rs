@@ -9,6 +9,7 @@ use crate::ecu::{EcuConfig, Mistake};
 use crate::engine::config::Supervision;
 use crate::line::{self, Line, Timing};
 use crate::mistake::Sentence;
+use crate::sentence::sentences;
 use crate::setting::{Row, Setting, SettingError, SettingId};
 
 /// One engine and its port.
@@ -126,7 +127,6 @@ impl LinkSettings {
 
 /// Reason why settings of a link were not taken. Nothing has changed.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum LinkSettingsError {
     /// The protocol, or the engine that an AMT ECU is set to, is another one: that needs a new node.
@@ -137,15 +137,12 @@ pub enum LinkSettingsError {
     Ecu(Mistake),
 }
 
-impl core::fmt::Display for LinkSettingsError {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.write_str(match self {
-            Self::OtherEcu => "another protocol or engine: build a new node for it",
-            Self::Timing(id) => Timing::message(*id),
-            Self::Ecu(mistake) => mistake.message(),
-        })
-    }
-}
+sentences!(LinkSettingsError {
+    Self::OtherEcu => "another protocol or engine: build a new node for it";
+} {
+    Self::Timing(id) => "{}", Timing::message(id);
+    Self::Ecu(mistake) => "{}", mistake.message();
+});
 
 impl core::error::Error for LinkSettingsError {}
 
@@ -153,7 +150,6 @@ const FINGERPRINT: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 
 /// Mistake in a table of engines, with its row (from 0).
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum ConfigError {
     /// The baud rate is none of [`Line::BAUD_RATES`].
@@ -198,11 +194,11 @@ impl ConfigError {
     }
 }
 
-impl core::fmt::Display for ConfigError {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        write!(f, "row {} of the table of engines: {}", self.row() + 1, self.message())
-    }
-}
+// Whoever prints it holds the texts of the table of settings.
+sentences!(ConfigError {
+} {
+    error => "row {} of the table of engines: {}", error.row() + 1, error.message();
+});
 
 impl core::error::Error for ConfigError {}
 

@@ -4,6 +4,8 @@
 //! default, the check of the range, the error text, and the row of the table that `docs/failsafe.md` and, later, parameters
 //! are made from. Every setting has a value as a whole number in its unit, so that one number can express any of them.
 
+use crate::sentence::sentences;
+
 /// Unit of a setting's number.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -306,7 +308,6 @@ impl core::fmt::Display for Setting {
 
 /// Reason why a setting was not changed.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum SettingError {
     /// No setting has this name.
@@ -317,17 +318,12 @@ pub enum SettingError {
     Off(&'static Setting),
 }
 
-impl core::fmt::Display for SettingError {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::Unknown => f.write_str("no setting has this name: see the table of settings"),
-            Self::OutOfRange(setting) => write!(f, "{}: {}", setting.name, setting.message),
-            Self::Off(setting) => {
-                write!(f, "{}: what it belongs to is off: turn that on first", setting.name)
-            }
-        }
-    }
-}
+sentences!(SettingError {
+    Self::Unknown => "no setting has this name: see the table of settings";
+} {
+    Self::OutOfRange(setting) => "{}: {}", setting.name, setting.message;
+    Self::Off(setting) => "{}: what it belongs to is off: turn that on first", setting.name;
+});
 
 impl core::error::Error for SettingError {}
 

@@ -1,8 +1,9 @@
 //! Physical quantities as types, so that a throttle cannot be passed for an rpm. All are integers.
 
+use crate::sentence::sentences;
+
 /// A value outside the range of its quantity.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct OutOfRange {
     /// The given value.
     pub given: u32,
@@ -12,11 +13,10 @@ pub struct OutOfRange {
     pub max: u32,
 }
 
-impl core::fmt::Display for OutOfRange {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        write!(f, "{} is outside {}..={}", self.given, self.min, self.max)
-    }
-}
+sentences!(OutOfRange {
+} {
+    Self { given, min, max } => "{} is outside {}..={}", given, min, max;
+});
 
 impl core::error::Error for OutOfRange {}
 

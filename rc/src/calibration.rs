@@ -5,7 +5,6 @@ use crate::settings::SPAN;
 
 /// Why a calibration did not begin or end.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum CalibrationError {
     /// The engine turns, or is ordered to. A calibration that was under way has ended.
@@ -30,6 +29,13 @@ impl CalibrationError {
 impl core::fmt::Display for CalibrationError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.write_str(self.text())
+    }
+}
+
+#[cfg(feature = "defmt")]
+impl defmt::Format for CalibrationError {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        defmt::write!(f, "{}", self.text());
     }
 }
 

@@ -33,7 +33,6 @@ pub(crate) const SPAN: u16 = 300;
 
 /// Why settings were not taken.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum SettingsError {
     /// One is outside of its range.
@@ -69,6 +68,16 @@ impl core::fmt::Display for SettingsError {
         match self {
             Self::OutOfRange(setting) => write!(f, "{}: {}", setting.name, setting.message),
             other => f.write_str(other.text()),
+        }
+    }
+}
+
+#[cfg(feature = "defmt")]
+impl defmt::Format for SettingsError {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        match self {
+            Self::OutOfRange(setting) => defmt::write!(f, "{}: {}", setting.name, setting.message),
+            other => defmt::write!(f, "{}", other.text()),
         }
     }
 }

@@ -11,6 +11,7 @@
 use crate::codes::{closed_enum, open_enum};
 use crate::ecu::decoder::feed;
 use crate::ecu::vendor::VendorFaults;
+use crate::sentence::sentences;
 use crate::units::{Celsius, Millivolts, Throttle};
 
 /// First byte of every frame in both directions.
@@ -167,7 +168,6 @@ pub struct Control {
 
 /// Reason why five bytes are not a control message.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ControlError {
     /// The first byte is not 0xFF.
     Leader(u8),
@@ -179,16 +179,13 @@ pub enum ControlError {
     Throttle(u8),
 }
 
-impl core::fmt::Display for ControlError {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::Leader(byte) => write!(f, "a control message starts with 0xFF, not {byte:#04x}"),
-            Self::CopiesDiffer => f.write_str("the two copies of switch and throttle differ"),
-            Self::Ops(ops) => write!(f, "switch {ops:#04x} is none of 0x11, 0x12, 0x14, 0x91"),
-            Self::Throttle(thr) => write!(f, "throttle byte {thr} is outside 32..=232"),
-        }
-    }
-}
+sentences!(ControlError {
+    Self::CopiesDiffer => "the two copies of switch and throttle differ";
+} {
+    Self::Leader(byte) => "a control message starts with 0xFF, not {:#04x}", byte;
+    Self::Ops(ops) => "switch {:#04x} is none of 0x11, 0x12, 0x14, 0x91", ops;
+    Self::Throttle(thr) => "throttle byte {} is outside 32..=232", thr;
+});
 
 impl core::error::Error for ControlError {}
 

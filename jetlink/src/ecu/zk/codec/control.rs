@@ -3,6 +3,7 @@
 use super::frame::{CONTROL_HEAD, CONTROL_LEN, crc8};
 use super::version::Version;
 use crate::codes::closed_enum;
+use crate::sentence::sentences;
 use crate::units::{Hectopascals, Millivolts, OutOfRange, Rpm, Throttle, ranged, within};
 
 closed_enum! {
@@ -176,7 +177,6 @@ pub enum Control {
 
 /// Reason why four bytes are not a control frame.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ControlError {
     /// The first byte is not 0xFF.
     Head(u8),
@@ -195,19 +195,14 @@ pub enum ControlError {
     Parameter(u16),
 }
 
-impl core::fmt::Display for ControlError {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::Head(byte) => write!(f, "a control frame starts with 0xFF, not {byte:#04x}"),
-            Self::Crc { expected, found } => {
-                write!(f, "CRC is {found:#04x}, the bytes give {expected:#04x}")
-            }
-            Self::Id(id) => write!(f, "control ID {id} is not defined"),
-            Self::Reserved => f.write_str("a reserved bit is set"),
-            Self::Parameter(value) => write!(f, "parameter {value} is outside its range"),
-        }
-    }
-}
+sentences!(ControlError {
+    Self::Reserved => "a reserved bit is set";
+} {
+    Self::Head(byte) => "a control frame starts with 0xFF, not {:#04x}", byte;
+    Self::Crc { expected, found } => "CRC is {:#04x}, the bytes give {:#04x}", found, expected;
+    Self::Id(id) => "control ID {} is not defined", id;
+    Self::Parameter(value) => "parameter {} is outside its range", value;
+});
 
 impl core::error::Error for ControlError {}
 
