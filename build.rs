@@ -133,6 +133,7 @@ fn code(board: &Board) -> String {
         format!("{spi} {sck} {miso} {mosi} {select}")
     });
     line(format!("fram: [{}],", fram.unwrap_or_default()));
+    line(format!("usb: {} {},", board.usb.minus, board.usb.plus));
     let mode = if board.led.open_drain { "OpenDrain" } else { "PushPull" };
     line(format!("led: {} {} {mode},", board.led.pin, level(board.led.lit)));
     let held = board.held().map(|Hold { pin, level: at, .. }| format!("{pin} {},", level(at)));

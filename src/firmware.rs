@@ -6,6 +6,7 @@
 //! | `events`, one for each ECU | thread mode | logs events |
 //! | `status` | thread mode | logs a line per second for each engine and changes of the board's health, drives LED and buzzer |
 //! | `mavlink` | thread mode | MAVLink on the telemetry port: commands, throttle, telemetry, parameters |
+//! | `usb`, with the feature `usb` | thread mode | the same on USB |
 //! | `radio_control`, with a receiver | thread mode | SBUS or CRSF on an ECU port: starts, throttle, stops |
 //! | `radio_pulses`, with servo pulses | thread mode | the same by a timer |
 //! | `drive_outputs`, with outputs | interrupt, above the rest | fuel valves, power of starters and ignitions |
@@ -119,6 +120,8 @@ fn main() -> ! {
         let _telemetry = (service, board.telemetry);
         #[cfg(not(feature = "count"))]
         if let Some(service) = service {
+            #[cfg(feature = "usb")]
+            spawner.spawn(defmt::unwrap!(usb(service.runner, board.oscillator)));
             spawner.spawn(defmt::unwrap!(mavlink(service, board.telemetry)));
         }
         if let (Some(radio), Some(config)) = (radio, RADIO) {
@@ -360,6 +363,12 @@ impl defmt::Format for StatusLine<'_> {
 #[embassy_executor::task]
 async fn mavlink(service: crate::mavlink::Mavlink, port: EcuPort) {
     crate::mavlink::serve(service, port).await
+}
+
+#[cfg(feature = "usb")]
+#[embassy_executor::task]
+async fn usb(runner: &'static crate::mavlink::Runner, oscillator: Oscillator) {
+    crate::usb::serve(runner, oscillator).await
 }
 
 #[embassy_executor::task]

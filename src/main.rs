@@ -24,6 +24,8 @@ mod play_ecu;
 mod radio;
 #[cfg(all(target_os = "none", feature = "trial"))]
 mod trial;
+#[cfg(all(target_os = "none", feature = "usb"))]
+mod usb;
 
 #[cfg(not(target_os = "none"))]
 fn main() {

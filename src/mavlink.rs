@@ -1,4 +1,4 @@
-//! MAVLink on the telemetry port, and the settings that it changes. It is served in thread mode, so that no engine's task waits for
+//! MAVLink on the telemetry port and on USB, and the settings that it changes. It is served in thread mode, so that no engine's task waits for
 //! it.
 #![cfg_attr(
     feature = "count",
@@ -25,8 +25,17 @@ use static_cell::StaticCell;
 /// Number of engines of this node.
 const N: usize = ENGINES.len();
 
-/// Runs the service of this node on its one port.
-pub type Runner = jetlink_mavlink::runner::Runner<'static, N, 1, Chosen>;
+/// Ports of the service: the telemetry port, and USB with its feature.
+const PORTS: usize = 1 + cfg!(feature = "usb") as usize;
+
+/// Number of the telemetry port.
+const TELEMETRY_PORT: usize = 0;
+
+/// Number of USB.
+pub const USB_PORT: usize = 1;
+
+/// Runs the service of this node on its ports.
+pub type Runner = jetlink_mavlink::runner::Runner<'static, N, PORTS, Chosen>;
 
 /// Most records that are stored, by this image or another one.
 const RECORDS: usize = {
@@ -101,7 +110,8 @@ pub fn load(settings: &mut Settings) {
 
 /// The service and what it stores with.
 pub struct Mavlink {
-    runner: &'static Runner,
+    /// Runs it.
+    pub runner: &'static Runner,
     store: Option<&'static mut Store>,
 }
 
@@ -118,19 +128,23 @@ pub fn build(node: &'static Node<N>, settings: Settings, radio: Option<&'static 
         config,
         settings,
     });
-    let ports = [PortConfig::uart(TELEMETRY.baud)];
+    let ports = [PortConfig::uart(TELEMETRY.baud), PortConfig::usb()].into_iter().take(PORTS);
     let now = embassy_time::Instant::now();
     let runner = RUNNER.init_with(|| {
         let attached = With::<ANY>::attach(radio, &attached);
         let mut service = Service::with(now, of_node, SigningState::NONE, engines, ports, attached);
         service.set_keeping(if store.is_some() { Keeping::Stored } else { Keeping::Lost });
         service.set_damaged(found == Found::Damaged);
+        if PORTS > USB_PORT {
+            // Until somebody opens it.
+            service.set_open(now, USB_PORT, false);
+        }
         Runner::new(service)
     });
     Mavlink { runner, store }
 }
 
-/// Serves the port, until a restart is commanded.
+/// Serves the telemetry port and stores settings, until a restart is commanded.
 pub async fn serve(mavlink: Mavlink, port: EcuPort) {
     let Mavlink { runner, store } = mavlink;
     let mut system = None;
@@ -148,7 +162,7 @@ pub async fn serve(mavlink: Mavlink, port: EcuPort) {
             None => core::future::pending().await,
         }
     };
-    let work = select(runner.serve(0, port.rx, port.tx), keep);
+    let work = select(runner.serve(TELEMETRY_PORT, port.rx, port.tx), keep);
     if let Either::First(Request::Reboot) = select(time, work).await {
         defmt::info!("MAVLink: restart by command");
         board::restart();

@@ -29,6 +29,8 @@ pub struct Board {
     pub supply: Option<Divider>,
     /// Memory for settings, if not the chip's own flash.
     pub fram: Option<Fram>,
+    /// USB, for the feature of this name.
+    pub usb: Usb,
     /// Status LED.
     pub led: Led,
     /// Pins that are driven from the start on.
@@ -242,6 +244,24 @@ impl Fram {
     /// Its pins.
     pub fn pins(&self) -> [&'static str; 4] {
         [self.sck, self.miso, self.mosi, self.select]
+    }
+}
+
+/// USB of the chip (OTG_FS). Whether there is power on the bus is not measured: some boards have no pin for it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Usb {
+    /// D-.
+    pub minus: &'static str,
+    /// D+.
+    pub plus: &'static str,
+    /// Where to find it on the board.
+    pub label: &'static str,
+}
+
+impl Usb {
+    /// At the only pins that both chips have for it.
+    pub(crate) const fn at(label: &'static str) -> Self {
+        Self { minus: "PA11", plus: "PA12", label }
     }
 }
 

@@ -4,7 +4,7 @@
 //! (`hwdef-bl.dat` of 2019) listen on UART7 only, and leave the other TX pins floating.
 
 use crate::board::Before::{Floats, Listens};
-use crate::board::{Board, Bootloader, Clock, Led, Level, Port, STM32H743VI, TELEMETRY_RTS, low};
+use crate::board::{Board, Bootloader, Clock, Led, Level, Port, STM32H743VI, TELEMETRY_RTS, Usb, low};
 
 pub static BOARD: Board = Board {
     name: "cube-orange",
@@ -30,6 +30,7 @@ pub static BOARD: Board = Board {
     supply: None,
     // It has one on SPI2, but its supply may be that of the sensors, which is off here.
     fram: None,
+    usb: Usb::at("the socket of the cube"),
     led: Led { pin: "PE12", lit: Level::Low, open_drain: true, label: "amber, on the cube" },
     hold: &[
         low("PA8", "nVDD_5V_PERIPH_EN: 5 V on the sockets"),

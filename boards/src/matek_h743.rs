@@ -6,7 +6,8 @@
 
 use crate::board::Before::{Floats, Listens};
 use crate::board::{
-    Board, Bootloader, Clock, Divider, Led, Level, Output, Port, PulseInputs, STM32H743VI, TELEMETRY_RTS, low,
+    Board, Bootloader, Clock, Divider, Led, Level, Output, Port, PulseInputs, STM32H743VI, TELEMETRY_RTS,
+    Usb, low,
 };
 
 pub static BOARD: Board = Board {
@@ -49,6 +50,7 @@ pub static BOARD: Board = Board {
     // BATT_VOLTAGE_SENS and HAL_BATT_VOLT_SCALE in hwdef.dat.
     supply: Some(Divider { pin: "PC0", tenths: 110, label: "the battery's, pad Vbat" }),
     fram: None,
+    usb: Usb::at("the board's socket"),
     led: Led { pin: "PE3", lit: Level::Low, open_drain: false, label: "blue, marked ACT" }, // the green one is PE4
     hold: &[low("PE9", TELEMETRY_RTS)],
 };

@@ -5,7 +5,7 @@
 //! off the pins of Ethernet (PA1, PA2, PA7, PB13, PC1, PC4, PC5) and of the LEDs (PB0, PE1, PB14).
 
 use crate::board::Before::Floats;
-use crate::board::{Board, Clock, Led, Level, Output, Port, PulseInputs, STM32H743ZI};
+use crate::board::{Board, Clock, Led, Level, Output, Port, PulseInputs, STM32H743ZI, Usb};
 
 pub static BOARD: Board = Board {
     name: "nucleo-h743zi2",
@@ -37,6 +37,7 @@ pub static BOARD: Board = Board {
     pulses: Some(PulseInputs { timer: "TIM4", interrupt: "TIM4", pins: ["PD12", "PD13", "PD14", "PD15"] }),
     supply: None,
     fram: None,
+    usb: Usb::at("CN13, not the socket of the ST-Link"),
     led: Led { pin: "PB0", lit: Level::High, open_drain: false, label: "green, LD1" },
     hold: &[],
 };

@@ -6,7 +6,7 @@
 
 use crate::board::Before::{DrivenLow, Listens};
 use crate::board::{
-    Board, Bootloader, Clock, Fram, Led, Level, Output, Port, STM32H743VI, TELEMETRY_RTS, high, low,
+    Board, Bootloader, Clock, Fram, Led, Level, Output, Port, STM32H743VI, TELEMETRY_RTS, Usb, high, low,
 };
 
 pub static BOARD: Board = Board {
@@ -43,6 +43,7 @@ pub static BOARD: Board = Board {
     pulses: None,
     supply: None,
     fram: Some(Fram { spi: "SPI2", sck: "PD3", miso: "PC2", mosi: "PC3", select: "PD4" }),
+    usb: Usb::at("the board's socket"),
     led: Led { pin: "PD11", lit: Level::Low, open_drain: true, label: "blue" }, // red is PD10
     hold: &[
         low("PC10", "nVDD_5V_HIPOWER_EN: 5 V on the sockets"),

@@ -9,8 +9,8 @@
 
 use crate::board::Before::{Floats, Listens};
 use crate::board::{
-    Board, Bootloader, Clock, Fram, Led, Level, Output, Port, PulseInputs, STM32F427VI, TELEMETRY_RTS, high,
-    low,
+    Board, Bootloader, Clock, Fram, Led, Level, Output, Port, PulseInputs, STM32F427VI, TELEMETRY_RTS, Usb,
+    high, low,
 };
 
 pub static BOARD: Board = Board {
@@ -47,6 +47,7 @@ pub static BOARD: Board = Board {
     supply: None,
     // SCK was PB13 on beta boards (hwdef.dat).
     fram: Some(Fram { spi: "SPI2", sck: "PB10", miso: "PB14", mosi: "PB15", select: "PD10" }),
+    usb: Usb::at("the board's socket"),
     led: Led { pin: "PB1", lit: Level::Low, open_drain: true, label: "green" }, // red is PB11, blue is PB3
     hold: &[
         high("PC5", "VDD_PERIPH_EN: 5 V on the ports' sockets"),

@@ -1,6 +1,6 @@
 //! The boards in the rest of the repository, compared with the table.
 
-use boards::{BOARDS, Before, Board, Clock, Divider, Fram, PulseInputs};
+use boards::{BOARDS, Before, Board, Clock, Divider, Fram, PulseInputs, Usb};
 
 const CARGO: &str = include_str!("../../Cargo.toml");
 const README: &str = include_str!("../../README.md");
@@ -56,7 +56,8 @@ fn names_ports_and_pins_are_there_once() {
         let supply = board.supply.map(|supply| supply.pin);
         let fram = board.fram.iter().flat_map(|fram| fram.pins());
         let driven = [board.led.pin].into_iter().chain(held).chain(outputs);
-        unique("pins", pins.chain(driven).chain(supply).chain(fram).collect());
+        let usb = [board.usb.minus, board.usb.plus];
+        unique("pins", pins.chain(driven).chain(supply).chain(fram).chain(usb).collect());
         // src/config.rs has at most one digit for them.
         assert!((1..=9).contains(&board.ports.len()), "{}", board.name);
         unique("outputs", board.outputs.iter().map(|output| output.label).collect());
@@ -174,6 +175,8 @@ fn section(board: &Board) -> String {
             "\nSettings: in its F-RAM, on {spi} (SCK {sck}, MISO {miso}, MOSI {mosi}), selected by {select}.\n"
         );
     }
+    let Usb { minus, plus, label } = board.usb;
+    rows += &format!("\nUSB, with the feature `usb`: {label} (D- {minus}, D+ {plus}).\n");
     if board.held().next().is_some() {
         rows += "\nDriven from the start on:\n\n";
         for hold in board.held() {

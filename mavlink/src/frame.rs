@@ -106,6 +106,12 @@ impl Decoder {
         }
     }
 
+    /// Forgets the beginning of a frame: its rest does not come.
+    pub(crate) fn clear(&mut self) {
+        self.buffer.clear();
+        self.looks = 0;
+    }
+
     /// What was received.
     pub const fn counters(&self) -> Received {
         self.counters

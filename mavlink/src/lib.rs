@@ -14,6 +14,7 @@
 //! | `engine` | one engine: its switch, its demand source, what arms it |
 //! | [`attached`] | what else is attached: a receiver of radio control, fuel valves |
 //! | [`report`], `text`, [`port`] | messages of an engine; texts; a port and its share of telemetry |
+//! | [`packets`] | a port of packets, as USB has it: when a program has it open |
 //! | [`service`], [`runner`] | all together; the clock and the ports |
 //!
 //! **Nothing here has run on hardware yet.**
@@ -32,6 +33,7 @@ pub mod fram;
 pub mod frame;
 pub mod ids;
 mod number;
+pub mod packets;
 pub mod port;
 pub mod record;
 pub mod refusal;

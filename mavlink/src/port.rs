@@ -136,6 +136,8 @@ pub(crate) struct Port<const N: usize> {
     pub decoder: Decoder,
     pub streams: Vec<Streams, N>,
     pub list: Option<List>,
+    /// Somebody may receive what is sent.
+    is_open: bool,
     queue: Deque<u8, QUEUE>,
     /// Time up to which telemetry has used its share.
     used_until: Instant,
@@ -162,11 +164,29 @@ impl<const N: usize> Port<N> {
             decoder: Decoder::new(),
             streams,
             list: None,
+            is_open: true,
             queue: Deque::new(),
             used_until: now,
             sequence: 0,
             counters: PortCounters::default(),
         }
+    }
+
+    /// Begins anew, for somebody who knows nothing of before, or with nobody there.
+    pub fn set_open(&mut self, now: Instant, is_open: bool) {
+        self.is_open = is_open;
+        self.decoder.clear();
+        self.list = None;
+        self.queue.clear();
+        self.used_until = now;
+        for streams in &mut self.streams {
+            streams.efi.interval = Interval::Default;
+            streams.values.interval = Interval::Default;
+        }
+    }
+
+    pub const fn is_open(&self) -> bool {
+        self.is_open
     }
 
     pub fn counters(&self) -> PortCounters {

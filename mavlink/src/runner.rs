@@ -3,13 +3,15 @@
 //! All loops of a node are polled by one task, which can be the least important one: nothing of an engine waits for it.
 
 use crate::attached::{Attached, Nothing};
+use crate::packets::{Connection, PACKET, ReadPacket, WritePacket};
 use crate::service::{Request, Service};
 use crate::store::{AtRest, Flash, NotSaved, Store};
 use core::array::from_fn;
-use core::cell::RefCell;
+use core::cell::{Cell, RefCell};
 use core::fmt;
 use embassy_futures::join::join;
 use embassy_futures::select::select;
+use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant, Timer};
@@ -54,6 +56,12 @@ impl<'a, const N: usize, const P: usize, A: Attached> Runner<'a, N, P, A> {
         }
     }
 
+    /// What was counted on a port.
+    #[cfg(test)]
+    pub(crate) fn port_counters(&self, port: usize) -> Option<crate::port::PortCounters> {
+        self.service.borrow().port_counters(port)
+    }
+
     /// Does what is due, until the node has to do something itself. `after` comes after each step, for what has to be kept.
     #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read, and what waits")]
     pub async fn keep_time(&self, mut after: impl FnMut(Instant, &Service<'a, N, P, A>)) -> Request {
@@ -87,6 +95,58 @@ impl<'a, const N: usize, const P: usize, A: Attached> Runner<'a, N, P, A> {
     /// Serves a port, counted from 0, with its two halves.
     pub async fn serve(&self, port: usize, rx: impl Read, tx: impl Write) {
         join(self.read(port, rx), self.write(port, tx)).await;
+    }
+
+    /// Serves a port of packets, counted from 0. It is open while a program on the host has it open, and what waits when that ends is
+    /// dropped. A host that does not read takes nothing, and holds up nothing else.
+    #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read, and what waits")]
+    pub async fn serve_packets(
+        &self,
+        port: usize,
+        connection: &Connection,
+        mut rx: impl ReadPacket,
+        mut tx: impl WritePacket,
+    ) {
+        let followed = Cell::new(None);
+        let set_open = |is_open| self.service.borrow_mut().set_open(Instant::now(), port, is_open);
+        // Before each packet, as the host may have closed and opened the port since the last one.
+        let follow = || {
+            let opening = connection.opening();
+            if followed.replace(opening) != opening {
+                set_open(opening.is_some());
+                self.arrived.signal(());
+            }
+            opening
+        };
+        set_open(false);
+        let read = async {
+            let mut packet = [0; PACKET];
+            loop {
+                match rx.read(&mut packet).await {
+                    Ok(count) => {
+                        connection.packet_came();
+                        follow();
+                        self.take(port, packet.get(..count).unwrap_or_default());
+                        // A host that sends without a pause does not keep other tasks from their turn.
+                        yield_now().await;
+                    }
+                    Err(_) => Timer::after(PAUSE).await,
+                }
+            }
+        };
+        let write = async {
+            loop {
+                let opening = follow();
+                let ends = connection.wait_for_another(opening);
+                if opening.is_none() {
+                    ends.await;
+                    continue;
+                }
+                // A packet that the host does not take is dropped with the opening.
+                select(ends, self.write_packets(port, &mut tx)).await;
+            }
+        };
+        join(read, write).await;
     }
 
     /// Stores settings. `at_rest` is what the store checks before it erases. It has to run from the start on, and is not to be
@@ -147,16 +207,44 @@ impl<'a, const N: usize, const P: usize, A: Attached> Runner<'a, N, P, A> {
         select(watch, save).await;
     }
 
+    #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read")]
+    fn take(&self, port: usize, bytes: &[u8]) {
+        self.service.borrow_mut().receive(Instant::now(), port, bytes);
+        self.arrived.signal(());
+        self.to_save.signal(());
+    }
+
+    #[expect(clippy::disallowed_methods, reason = "the runner is what waits")]
+    async fn write_packets(&self, port: usize, tx: &mut impl WritePacket) {
+        let mut packet = [0; PACKET];
+        let mut was_full = false;
+        loop {
+            let count = self.service.borrow_mut().transmit(port, &mut packet);
+            if count == 0 && !was_full {
+                match self.waiting.get(port) {
+                    Some(waiting) => waiting.wait().await,
+                    None => return,
+                }
+                continue;
+            }
+            // An empty packet behind a full one: the host passes on what it has.
+            match tx.write(packet.get(..count).unwrap_or_default()).await {
+                Ok(()) => was_full = count == PACKET,
+                Err(_) => {
+                    was_full = false;
+                    Timer::after(PAUSE).await;
+                }
+            }
+        }
+    }
+
     #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read, and what waits")]
     async fn read(&self, port: usize, mut rx: impl Read) {
         let mut bytes = [0; READ];
         loop {
             match rx.read(&mut bytes).await {
                 Ok(count @ 1..) => {
-                    let bytes = bytes.get(..count).unwrap_or_default();
-                    self.service.borrow_mut().receive(Instant::now(), port, bytes);
-                    self.arrived.signal(());
-                    self.to_save.signal(());
+                    self.take(port, bytes.get(..count).unwrap_or_default());
                 }
                 // Line errors damage a frame, which its checksum shows.
                 Ok(0) | Err(_) => Timer::after(PAUSE).await,

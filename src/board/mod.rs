@@ -52,6 +52,8 @@ mod stm32h7;
 pub mod supply;
 #[cfg(feature = "stm32")]
 mod table;
+#[cfg(feature = "usb")]
+pub mod usb;
 #[cfg(feature = "stm32")]
 mod wait;
 #[cfg(feature = "stm32")]

@@ -116,6 +116,23 @@ pub fn clocks(oscillator: Oscillator, hse: Hse) -> Config {
     config
 }
 
+/// USB runs on the PLL (48 MHz, see [`clocks`]). Returns whether that is exact enough: from the crystal. The internal oscillator is off by
+/// up to 1 % at 25 °C and by more elsewhere (DS9405, table 41), and USB takes 0.25 %.
+#[cfg(feature = "usb")]
+pub fn start_usb_clock(oscillator: Oscillator) -> bool {
+    oscillator == Oscillator::Crystal
+}
+
+/// Nothing to do: its transceiver has the supply of the chip.
+#[cfg(feature = "usb")]
+pub fn start_usb_supply() {}
+
+/// See `start_usb_supply`.
+#[cfg(feature = "usb")]
+pub fn usb_supply_is_ready() -> bool {
+    true
+}
+
 /// Switches the core to the internal oscillator, whatever its clock was before, and starts the crystal if requested.
 /// Returns whether the crystal runs within 0.1 s.
 pub fn start_crystal(bypass: bool, wanted: bool) -> bool {

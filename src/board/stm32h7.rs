@@ -10,6 +10,8 @@ pub mod storage;
 use super::first::Step;
 use super::state::{ENGINE_EXECUTOR, Oscillator, ResetCause};
 use super::wait;
+#[cfg(feature = "usb")]
+use embassy_stm32::pac::rcc::vals::Usbsel;
 use embassy_stm32::{
     Config,
     interrupt, // the module and the attribute
@@ -131,11 +133,55 @@ pub fn clocks(oscillator: Oscillator, hse: Hse) -> Config {
     config.rcc.apb3_pre = APBPrescaler::DIV2;
     config.rcc.apb4_pre = APBPrescaler::DIV2;
     config.rcc.voltage_scale = VoltageScale::Scale1;
+    #[cfg(feature = "usb")]
+    {
+        // Embassy turns it on in any case.
+        config.rcc.hsi48 = Some(embassy_stm32::rcc::Hsi48Config::new());
+        config.rcc.mux.usbsel = Usbsel::HSI48;
+    }
     if jetlink_fw::config::SUPPLY {
         // From the internal oscillator: the PLL that the ADC has by default does not run.
         config.rcc.mux.adcsel = Adcsel::PER;
     }
     config
+}
+
+/// Gives USB its own oscillator while the PLL that a bootloader may have given it still runs: a clock that does not run cannot be switched
+/// away from (RM0433, 8.5.8). HSI48 takes some µs; without it USB finds that it does not get ready.
+#[cfg(feature = "usb")]
+fn take_usb_clock() {
+    RCC.cr().modify(|w| w.set_hsi48on(true));
+    if wait::until(HSI_HZ / 1000, || RCC.cr().read().hsi48rdy()) {
+        RCC.d2ccip2r().modify(|w| w.set_usbsel(Usbsel::HSI48));
+    }
+}
+
+/// Trims HSI48, the clock of USB, by the frames of the host, 1 kHz: with and without a crystal. Returns whether it is exact enough.
+///
+/// Not by Embassy's `sync_from_usb`: that selects the frames of the other controller, OTG_HS (docs/boards-upstream.md).
+#[cfg(feature = "usb")]
+pub fn start_usb_clock(_: Oscillator) -> bool {
+    embassy_stm32::rcc::enable_and_reset::<peripherals::CRS>();
+    // OTG_FS is USB2 here. All else is for 1 kHz after the reset (RM0433, CRS_CFGR). CEN protects it.
+    pac::CRS.cfgr().modify(|w| w.set_syncsrc(pac::crs::vals::Syncsrc::from_bits(3)));
+    pac::CRS.cr().modify(|w| {
+        w.set_autotrimen(true);
+        w.set_cen(true);
+    });
+    true
+}
+
+/// Has the supply of USB's transceiver, VDD33USB, detected. Its regulator stays off, as in ArduPilot (`stm32h7_mcuconf.h`, STM32_PWR_CR3):
+/// the boards supply 3.3 V.
+#[cfg(feature = "usb")]
+pub fn start_usb_supply() {
+    PWR.cr3().modify(|w| w.set_usb33den(true));
+}
+
+/// Whether that supply is there.
+#[cfg(feature = "usb")]
+pub fn usb_supply_is_ready() -> bool {
+    PWR.cr3().read().usb33rdy()
 }
 
 /// Switches the core to the internal oscillator, whatever its clock was before, and starts the crystal if requested.
@@ -145,6 +191,8 @@ pub fn start_crystal(bypass: bool, wanted: bool) -> bool {
     while !RCC.cr().read().hsirdy() {}
     RCC.cfgr().modify(|w| w.set_sw(Sw::HSI));
     while RCC.cfgr().read().sws() != Sw::HSI {}
+    #[cfg(feature = "usb")]
+    take_usb_clock();
     // HSEON cannot be cleared while PLL1 is on and the crystal is its reference (RM0433, 8.7.2), as behind a bootloader. Neither
     // wait should need its 1 ms: where it does, the crystal is tried as it is.
     RCC.cr().modify(|w| (0..3).for_each(|pll| w.set_pllon(pll, false)));

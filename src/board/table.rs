@@ -15,6 +15,7 @@ macro_rules! board {
         pulses: [$($timer:ident $captured:ident $($in:ident $in_gpio:ident $in_number:literal $in_output:literal,)*)?],
         supply: [$($supply:ident $tenths:literal)?],
         fram: [$($spi:ident $sck:ident $miso:ident $mosi:ident $select:ident)?],
+        usb: $minus:ident $plus:ident,
         led: $led:ident $lit:ident $drive:ident,
         hold: [$($held:ident $level:ident,)*],
         watchdog: $watchdog:ident,
@@ -100,6 +101,12 @@ macro_rules! board {
             }
         )?
 
+        /// The pins of USB.
+        #[cfg(feature = "usb")]
+        pub mod usb_pins {
+            pub use embassy_stm32::peripherals::{$minus as Minus, $plus as Plus};
+        }
+
         /// The TX pins of `PORTS`, as `init` gives them to the UARTs.
         #[cfg(feature = "selftest")]
         const TX: [(Gpio, usize); PORTS.len()] = [$((pac::$gpio, $number)),*];
@@ -179,6 +186,7 @@ macro_rules! board {
             let _outputs = ($(p.$out,)*);
             $(let _supply = p.$supply;)?
             $(let _fram = (p.$spi, p.$sck, p.$miso, p.$mosi, p.$select);)?
+            let _usb = (p.$minus, p.$plus);
             let openers: [Opener; PORTS.len()] = [$(openers::$uart),*];
             let mut place = 0;
             let mut opened = [const { None }; PORTS.len()];

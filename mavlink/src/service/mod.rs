@@ -206,13 +206,28 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
     /// [`Service::transmit`] afterwards.
     pub fn receive(&mut self, now: Instant, port: usize, mut bytes: &[u8]) {
         loop {
-            let Some(decoder) = self.ports.get_mut(port).map(|port| &mut port.decoder) else { return };
+            let open = self.ports.get_mut(port).filter(|port| port.is_open());
+            let Some(decoder) = open.map(|port| &mut port.decoder) else { return };
             let (taken, frame) = decoder.receive(self.signing.key(), bytes);
             bytes = bytes.get(taken..).unwrap_or_default();
             match frame {
                 Some(frame) => self.handle(now, port, frame),
                 None => return,
             }
+        }
+    }
+
+    /// Opens a port for somebody who knows nothing of what was before, or closes it: until it is opened again nothing is sent or obeyed
+    /// there. Ports are open at first.
+    pub fn set_open(&mut self, now: Instant, port: usize, is_open: bool) {
+        let Some(this) = self.ports.get_mut(port) else { return };
+        this.set_open(now, is_open);
+        if let Some(streams) = self.streams.get_mut(port) {
+            *streams = A::Streams::new(now);
+        }
+        // Who waited there for the end of a start is gone.
+        for engine in &mut self.engines {
+            engine.progress = engine.progress.filter(|&(waits, _)| usize::from(waits) != port);
         }
     }
 
@@ -342,6 +357,9 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         class: Class,
         message: &Payload,
     ) -> bool {
+        if !self.ports.get(port).is_some_and(Port::is_open) {
+            return false;
+        }
         let Some(system) = self.system(now, port) else { return false };
         let from = Address { system, component: self.component(place) };
         // Each port is a link of its own for its receivers.

@@ -5,6 +5,7 @@ mod attached;
 mod commands;
 mod fram;
 mod mutated;
+mod packets;
 mod parameters;
 #[cfg(feature = "signing")]
 mod signing;
