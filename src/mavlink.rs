@@ -132,7 +132,7 @@ pub fn build(node: &'static Node<N>, settings: Settings, radio: Option<&'static 
     let now = embassy_time::Instant::now();
     let runner = RUNNER.init_with(|| {
         let attached = With::<ANY>::attach(radio, &attached);
-        let mut service = Service::with(now, of_node, SigningState::NONE, engines, ports, attached);
+        let mut service = Service::with(now, of_node, signing(), engines, ports, attached);
         service.set_keeping(if store.is_some() { Keeping::Stored } else { Keeping::Lost });
         service.set_damaged(found == Found::Damaged);
         if PORTS > USB_PORT {
@@ -144,11 +144,34 @@ pub fn build(node: &'static Node<N>, settings: Settings, radio: Option<&'static 
     Mavlink { runner, store }
 }
 
+/// The key and its last time stamp, as a reset leaves them.
+fn signing() -> SigningState {
+    #[cfg(feature = "usb")]
+    if let Some(retained) = board::key::KEY.load() {
+        if retained.key().is_some() {
+            defmt::info!("MAVLink: with the key from before the reset");
+        }
+        return retained;
+    }
+    SigningState::NONE
+}
+
+/// Time between two looks at what of signing has to survive a reset.
+#[cfg(feature = "usb")]
+const RETAIN_EVERY: embassy_time::Duration = embassy_time::Duration::from_millis(100);
+
 /// Serves the telemetry port and stores settings, until a restart is commanded.
 pub async fn serve(mavlink: Mavlink, port: EcuPort) {
     let Mavlink { runner, store } = mavlink;
     let mut system = None;
-    let time = runner.keep_time(|_, service| {
+    #[cfg(feature = "usb")]
+    let mut retain_at = embassy_time::Instant::MIN;
+    let time = runner.keep_time(|_now, service| {
+        #[cfg(feature = "usb")]
+        if _now >= retain_at {
+            retain_at = _now + RETAIN_EVERY;
+            board::key::KEY.store(&service.signing(_now));
+        }
         if service.system_id() != system {
             system = service.system_id();
             if let Some(system) = system {

@@ -7,7 +7,7 @@
 //! | module | contents |
 //! |---|---|
 //! | [`ids`], [`frame`] | numbers of MAVLink; frames to messages and back |
-//! | [`signing`] | who has the key may command |
+//! | [`signing`], `retained` | who has the key may command; the key over a reset |
 //! | [`store`], [`record`], [`fram`] | settings that stay; an F-RAM that holds them |
 //! | [`settings`], [`services`], [`refusal`] | parameters; the table of services; why something was refused |
 //! | `vehicle`, `servo`, `request` | our autopilot, its arming, its outputs, and the requested rate |
@@ -39,6 +39,8 @@ pub mod record;
 pub mod refusal;
 pub mod report;
 mod request;
+#[cfg(feature = "signing")]
+pub mod retained;
 pub mod runner;
 mod sent;
 pub mod service;

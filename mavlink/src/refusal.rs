@@ -35,6 +35,8 @@ pub enum Refusal {
     Repeated,
     /// A key is set only by USB.
     OnlyByUsb,
+    /// Only a person at the board, by USB, can know it.
+    AtBoard,
     /// An engine turns.
     Turns,
     /// No parameter has this name.
@@ -69,6 +71,7 @@ impl Refusal {
         match self {
             Self::NotAllowed(_)
             | Self::OnlyByUsb
+            | Self::AtBoard
             | Self::Malformed(_)
             | Self::Engine(Rejected::NotSupported) => Ack::Denied,
             _ => Ack::TemporarilyRejected,
@@ -110,6 +113,7 @@ impl core::fmt::Display for Refusal {
                 f.write_str("as the same start less than 5 s ago: wait for 5 s, then try again")
             }
             Self::OnlyByUsb => f.write_str("set it by USB: elsewhere it can be read on its way"),
+            Self::AtBoard => f.write_str("confirm it by USB, at the board"),
             Self::Turns => f.write_str("an engine turns or is ordered to run: stop it first"),
             Self::UnknownSetting => f.write_str("no parameter has this name"),
             Self::OutOfRange(row) => {

@@ -48,7 +48,7 @@ pub const TABLE: [Row; 10] = [
     Row {
         number: 30,
         params: "param2 = 21196",
-        text: "To the node, with all engines at rest: where the stored settings were damaged, those of now are right and are stored.",
+        text: "To the node, with all engines at rest: where the stored settings were damaged, those of now are right and are stored. Where there is USB, only there.",
     },
     Row {
         number: 40,

@@ -30,6 +30,11 @@ impl Key {
         (bytes != [0; 32]).then_some(Self(bytes))
     }
 
+    /// Its bytes, for where it is kept.
+    pub(crate) const fn bytes(&self) -> [u8; 32] {
+        self.0
+    }
+
     /// What is signed: a whole frame, from its first byte to its stamp.
     fn sign(&self, parts: &[&[u8]]) -> [u8; HASH] {
         let mut hash = Sha256::new();

@@ -25,6 +25,8 @@ mod format;
 #[cfg(feature = "fram")]
 mod fram;
 pub mod guard;
+#[cfg(feature = "usb")]
+pub mod key;
 #[cfg(all(not(feature = "fram"), any(not(feature = "stm32h7"), feature = "ardupilot-bootloader")))]
 mod no_storage;
 #[cfg(feature = "stm32")]

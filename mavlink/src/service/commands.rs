@@ -184,6 +184,9 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         };
         match (service, place) {
             (NodeService::EmergencyStop, _) => self.emergency_stop(now, place),
+            (NodeService::ConfirmSettings, Place::Node) if self.is_away_from_board(port) => {
+                refuse(Refusal::AtBoard)
+            }
             (NodeService::ConfirmSettings, Place::Node) => done(self.confirm_settings()),
             (NodeService::ConfirmSettings, _) => {
                 refuse(Refusal::Malformed("address the component of the node"))

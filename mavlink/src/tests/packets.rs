@@ -227,15 +227,18 @@ fn full_packet_is_followed_by_another_one_even_an_empty_one() {
     run(async |host, _| {
         host.open();
         let mut empty = 0;
-        // Answers of various lengths in all sums.
-        for count in 0..200 {
+        // Answers of two lengths in all sums, which wait together.
+        for (count, others) in (0..9).flat_map(|count| (0..9).map(move |others| (count, others))) {
+            pass(20).await;
             host.packets.borrow_mut().clear();
-            for index in 0..count % 20 {
-                host.request((index + count / 20) % 8);
-            }
-            pass(40).await;
+            host.reads.set(false);
+            (0..count).for_each(|index| host.request(index));
+            (0..others).for_each(|_| host.command(CMD_REQUEST_MESSAGE, MESSAGE_HEARTBEAT, 0.0));
+            pass(20).await;
+            host.reads.set(true);
+            pass(20).await;
             let (frames, bad) = host.frames(0);
-            assert_eq!((parameters(&frames), bad), (count as usize % 20, 0));
+            assert_eq!((parameters(&frames), bad), (count as usize, 0));
             assert!(host.is_passed_on(), "the host waits for more");
             empty += host.packets.borrow().iter().filter(|packet| packet.is_empty()).count();
             for pair in host.packets.borrow().windows(2) {
