@@ -27,11 +27,13 @@ pub enum Image {
     RadioCrsf,
     /// With an SBUS receiver and outputs for valves and power (feature `outputs`).
     Outputs,
+    /// With MAVLink on USB (feature `usb`).
+    Usb,
 }
 
 impl Image {
     /// All of them.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Release,
         Self::Demo,
         Self::AllPorts,
@@ -42,6 +44,7 @@ impl Image {
         Self::RadioSbus,
         Self::RadioCrsf,
         Self::Outputs,
+        Self::Usb,
     ];
 
     /// The feature that makes it, besides the board's.
@@ -57,6 +60,7 @@ impl Image {
             Self::RadioSbus => Some("radio-sbus"),
             Self::RadioCrsf => Some("radio-crsf"),
             Self::Outputs => Some("outputs"),
+            Self::Usb => Some("usb"),
         }
     }
 

@@ -30,4 +30,5 @@ mod stuck;
 mod supply;
 mod table;
 mod tcp;
+mod usb;
 mod watchdog;
