@@ -10,7 +10,7 @@ use core::array::from_fn;
 use core::cell::{Cell, RefCell};
 use core::fmt;
 use embassy_futures::join::join;
-use embassy_futures::select::select;
+use embassy_futures::select::{Either, select};
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
@@ -27,6 +27,9 @@ const PAUSE: Duration = Duration::from_millis(10);
 const LOOK: Duration = Duration::from_millis(50);
 /// Time from a request to its delivery, in which the answers go out.
 const ANSWERED: Duration = Duration::from_millis(200);
+
+/// The service has no port of this number.
+struct NoSuchPort;
 
 /// Runs a service on its ports.
 pub struct Runner<'a, const N: usize, const P: usize, A: Attached = Nothing> {
@@ -143,7 +146,9 @@ impl<'a, const N: usize, const P: usize, A: Attached> Runner<'a, N, P, A> {
                     continue;
                 }
                 // A packet that the host does not take is dropped with the opening.
-                select(ends, self.write_packets(port, &mut tx)).await;
+                if let Either::Second(NoSuchPort) = select(ends, self.write_packets(port, &mut tx)).await {
+                    return;
+                }
             }
         };
         join(read, write).await;
@@ -215,7 +220,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Runner<'a, N, P, A> {
     }
 
     #[expect(clippy::disallowed_methods, reason = "the runner is what waits")]
-    async fn write_packets(&self, port: usize, tx: &mut impl WritePacket) {
+    async fn write_packets(&self, port: usize, tx: &mut impl WritePacket) -> NoSuchPort {
         let mut packet = [0; PACKET];
         let mut was_full = false;
         loop {
@@ -223,7 +228,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Runner<'a, N, P, A> {
             if count == 0 && !was_full {
                 match self.waiting.get(port) {
                     Some(waiting) => waiting.wait().await,
-                    None => return,
+                    None => return NoSuchPort,
                 }
                 continue;
             }

@@ -31,6 +31,7 @@ impl Key {
     }
 
     /// Its bytes, for where it is kept.
+    #[cfg(feature = "signing")]
     pub(crate) const fn bytes(&self) -> [u8; 32] {
         self.0
     }

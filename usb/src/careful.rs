@@ -6,9 +6,12 @@
 //! | it asks about an endpoint that the chip lacks, or halts it | the driver panics | it is told that the endpoint is not halted |
 //! | it goes away in the middle of a control transfer | the device waits for the rest for ever, and sees no reset of the bus | it waits for [`UNFINISHED`] |
 //! | it resets the bus after a suspend, and both are seen at once, the suspend last | the device takes itself for suspended, and answers no request | it looks whether the bus is suspended now |
+//!
+//! And a controller that reports the same again and again gets no more than one look each [`PAUSE`]: otherwise no other task of the executor
+//! would have its turn, the one that feeds the watchdog neither.
 
 use embassy_futures::select::{Either, select};
-use embassy_time::{Duration, Timer};
+use embassy_time::{Duration, Instant, Timer};
 use embassy_usb::driver::{
     Bus, ControlPipe, Driver, EndpointAddress, EndpointAllocError, EndpointError, EndpointType, Event,
     Unsupported,
@@ -16,6 +19,9 @@ use embassy_usb::driver::{
 
 /// Time that a host has for each step of a control transfer. It has to give up after 5 s itself (USB 2.0, 9.2.6.1).
 pub const UNFINISHED: Duration = Duration::from_secs(2);
+
+/// Time between two events of the bus. A host takes 10 ms and more for each (USB 2.0, 7.1.7).
+pub const PAUSE: Duration = Duration::from_millis(1);
 
 /// Highest number of an endpoint that a host may ask about. Each chip has these (an STM32F427: 0 to 3), and the device uses no other.
 const HIGHEST: usize = 3;
@@ -62,7 +68,7 @@ impl<'d, D: Driver<'d>> Driver<'d> for Careful<D> {
 
     fn start(self, control_max_packet_size: u16) -> (Self::Bus, Self::ControlPipe) {
         let (bus, pipe) = self.driver.start(control_max_packet_size);
-        (CarefulBus { bus, is_suspended: self.is_suspended }, CarefulPipe(pipe))
+        (CarefulBus { bus, is_suspended: self.is_suspended, next: Instant::MIN }, CarefulPipe(pipe))
     }
 }
 
@@ -71,6 +77,8 @@ impl<'d, D: Driver<'d>> Driver<'d> for Careful<D> {
 pub struct CarefulBus<B> {
     bus: B,
     is_suspended: fn() -> bool,
+    /// Not before this is it asked again.
+    next: Instant,
 }
 
 impl<B: Bus> Bus for CarefulBus<B> {
@@ -82,9 +90,13 @@ impl<B: Bus> Bus for CarefulBus<B> {
         self.bus.disable().await;
     }
 
+    #[expect(clippy::disallowed_methods, reason = "a controller is not asked without a pause")]
     async fn poll(&mut self) -> Event {
         loop {
-            match self.bus.poll().await {
+            Timer::at(self.next).await;
+            let event = self.bus.poll().await;
+            self.next = Instant::now() + PAUSE;
+            match event {
                 Event::Suspend if !(self.is_suspended)() => {}
                 event => return event,
             }

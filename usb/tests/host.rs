@@ -41,6 +41,8 @@ struct Cable {
     from_host: RefCell<VecDeque<Vec<u8>>>,
     to_host: RefCell<Vec<u8>>,
     outcome: Cell<Option<Outcome>>,
+    /// The chip reports this again and again.
+    sticks: Cell<Option<Event>>,
     /// The host does not continue the control transfers that it begins.
     is_away: Cell<bool>,
     address: Cell<u8>,
@@ -119,6 +121,9 @@ impl Bus for ChipBus {
 
     async fn poll(&mut self) -> Event {
         loop {
+            if let Some(event) = self.0.sticks.get() {
+                return event; // at once
+            }
             if let Some(event) = self.0.events.borrow_mut().pop_front() {
                 if event == Event::Reset {
                     self.0.enabled.borrow_mut().clear();
@@ -419,6 +424,21 @@ fn suspend_that_is_seen_late_is_none() {
         host.terminal(true).await;
         assert!(host.heartbeats().await >= 2);
     });
+}
+
+/// A chip that is broken, or an emulator that has no controller.
+#[test]
+fn event_that_never_ends_leaves_others_their_turn() {
+    for event in [Event::Suspend, Event::Resume, Event::Reset, Event::PowerDetected] {
+        run(async |host| {
+            host.0.sticks.set(Some(event));
+            host.pass(3000).await;
+            host.0.sticks.set(None);
+            host.find().await;
+            host.terminal(true).await;
+            assert!(host.heartbeats().await >= 2, "{event:?}");
+        });
+    }
 }
 
 /// `GET_STATUS`, `CLEAR_FEATURE` and `SET_FEATURE` of endpoints: the chip has 0 to 3.
