@@ -1,5 +1,5 @@
-//! USB: OTG_FS at full speed, with the clock and the supply that it needs. No emulator has one: what is here is built, and has run only as
-//! far as to find that it does not answer.
+//! USB: OTG_FS at full speed, with the clock and the supply that it needs. No emulator has one: what is here has run only with registers that
+//! do not move.
 //!
 //! Embassy's driver waits for the supply and the controller without an end, in thread mode, and panics where the controller is not one that it
 //! knows: then the watchdog would reset the node, again and again. So everything is looked at here first, with an end to each wait and with

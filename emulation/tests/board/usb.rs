@@ -1,27 +1,32 @@
-//! An image with USB. The emulator has no USB controller, so this is what a board does whose controller does not answer: it says so within its
-//! time, and serves everything else. Nothing of USB itself is shown.
+//! An image with USB. The emulator has no USB controller: its registers have the values that a reset leaves, and report a suspend for ever. So
+//! this is what a board does whose controller answers nonsense: it serves everything else. Nothing of USB itself is shown, nor that it
+//! stays off where the controller or its supply do not get ready.
 
 use crate::support::{on_each_board, others_are_well};
-use emulation::{Image, Report, Run};
+use emulation::{Image, Run};
 use sim::ecu::{MILLIS, SECOND};
 
 /// Clock, supply, version and readiness have 0.1 s each.
 const DECIDED: u64 = 500 * MILLIS;
 
-fn is_served_without_usb(report: &Report, why: &str) {
-    let name = report.board.name;
-    let off = report.lines("USB: off").next().unwrap_or_else(|| panic!("{name}: {}", report.log_text()));
-    assert!(off.text.contains(why), "{name}: {}", off.text);
-    assert!(off.at < DECIDED, "{name}: {} ns", off.at);
-    assert!(!report.logged("MAVLink: USB, too"), "{name}");
-    others_are_well(report, &[]);
-    assert!(!report.logged("ECU link lost") && !report.logged("not sent"), "{}", report.log_text());
+/// What the checks of a run find of the controller's registers and its clock's, which are not modelled.
+fn is_of_the_controller(complaint: &str) -> bool {
+    let unmapped = ["unmapped at=0x5000", "unmapped at=0x4008"];
+    let names = ["OTG", "CRS."];
+    names.iter().chain(&unmapped).any(|of_it| complaint.contains(of_it))
 }
 
 #[test]
-fn controller_that_does_not_answer_leaves_usb_off_and_every_engine_is_served() {
+fn usb_controller_that_answers_nonsense_costs_no_engine_a_frame() {
     on_each_board(|board| {
-        let report = Run::new(board, Image::Usb).engines().with_errors().until(5 * SECOND).go();
-        is_served_without_usb(&report, "USB: off");
+        let run = Run::new(board, Image::Usb).engines().with_errors().until(3 * SECOND);
+        let (report, complaints) = run.go_unchecked();
+        let others: Vec<_> = complaints.iter().filter(|complaint| !is_of_the_controller(complaint)).collect();
+        assert!(others.is_empty(), "{}: {others:?}\n{}", board.name, report.log_text());
+        let found = report.lines("USB").next();
+        let found = found.unwrap_or_else(|| panic!("{}: {}", board.name, report.log_text()));
+        assert!(found.at < DECIDED, "{}: {} ns", board.name, found.at);
+        others_are_well(&report, &[]);
+        assert!(!report.logged("ECU link lost") && !report.logged("not sent"), "{}", report.log_text());
     });
 }
