@@ -7,7 +7,7 @@ use crate::amt::{self, AmtConfig, AmtEcu};
 use crate::ecu::{Counts, Ecu, LineFault, Nanos};
 use crate::line::Line;
 use crate::turbine::{Parameters, Phase, Turbine};
-use crate::zk::{self, ZkConfig, ZkEcu};
+use crate::zk::{ZkConfig, ZkEcu};
 
 /// Protocol of an ECU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,14 +19,6 @@ pub enum Protocol {
 }
 
 impl Protocol {
-    /// Bytes of a control frame.
-    pub const fn control_length(self) -> usize {
-        match self {
-            Self::Amt => amt::LENGTH,
-            Self::Zk => zk::LENGTH,
-        }
-    }
-
     /// Whether the ECU's frames have a checksum.
     pub const fn has_checksum(self) -> bool {
         match self {

@@ -1,123 +1,181 @@
 //! Control frames, from the host to an ECU: found among the bytes of a line, and their content in the terms of
-//! either protocol. Whatever watches a line reads it with this: the rig, the judges of random worlds, tests.
+//! any protocol. Whatever watches a line reads it with this: the rig, the judges of random worlds, tests.
 
-use crate::amt::{self, AmtCommand, Ops};
+use crate::amt::AmtCommand;
 use crate::any::Protocol;
 use crate::ecu::Nanos;
-use crate::wire::{Direction, Entry, Fate};
-use crate::zk::{self, Sw, ZkCommand};
+use crate::frame::{self, ControlFrame};
+use crate::wire::Entry;
+use crate::zk::ZkCommand;
 use core::fmt;
 
-/// Engine switch commanded by a control frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Switch {
-    /// ZK ID 1 with SW 0: the ECU obeys its PWM input (ZK-8).
-    Pwm,
-    /// Stop without cooling.
-    Stop,
-    /// Stop with cooling.
-    Standby,
-    /// Run.
-    Run,
+pub use crate::frame::Switch;
+
+/// A line for each protocol: its variant, and its command.
+macro_rules! control {
+    ($($(#[$doc:meta])* $name:ident($command:ty);)+) => {
+        /// Bytes of the longest control frame.
+        pub const LONGEST: usize = {
+            let (lengths, mut longest, mut i) = ([$(frame::length::<$command>()),+], 0, 0);
+            while i < lengths.len() {
+                if lengths[i] > longest {
+                    longest = lengths[i];
+                }
+                i += 1;
+            }
+            longest
+        };
+
+        /// Command in a control frame.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum Command {
+            $($(#[$doc])* $name($command),)+
+        }
+
+        impl Command {
+            /// Reads the bytes of one frame.
+            ///
+            /// # Errors
+            /// They are not a valid frame.
+            pub fn read(protocol: Protocol, bytes: &[u8]) -> Result<Self, BadFrame> {
+                match protocol {
+                    $(Protocol::$name => {
+                        let mut array = <$command as ControlFrame>::Bytes::default();
+                        if array.len() != bytes.len() {
+                            return Err(BadFrame::Length { bytes: bytes.len(), frame: array.len() });
+                        }
+                        array.copy_from_slice(bytes);
+                        <$command>::read(&array).map(Self::$name).map_err(BadFrame::$name)
+                    })+
+                }
+            }
+
+            /// The switch, where there is one: not in AMT's CTF, nor in ZK ID 6 with SW 0, which leaves the switch as it is.
+            pub fn switch(self) -> Option<Switch> {
+                match self {
+                    $(Self::$name(command) => command.switch(),)+
+                }
+            }
+
+            /// The throttle in 0.1 %, with any switch: in every AMT message, and in ZK ID 1.
+            pub fn throttle_tenths(self) -> Option<u16> {
+                match self {
+                    $(Self::$name(command) => command.throttle_tenths(),)+
+                }
+            }
+        }
+
+        /// What it orders, for people.
+        impl fmt::Display for Command {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                match self {
+                    $(Self::$name(command) => command.fmt(f),)+
+                }
+            }
+        }
+
+        /// Reason why bytes are not a valid control frame.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum BadFrame {
+            $($(#[$doc])* $name(<$command as ControlFrame>::Bad),)+
+            /// Another number of bytes than a frame of the protocol has.
+            Length {
+                /// Their number.
+                bytes: usize,
+                /// That of a frame.
+                frame: usize,
+            },
+        }
+
+        impl fmt::Display for BadFrame {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                match self {
+                    $(Self::$name(bad) => bad.fmt(f),)+
+                    Self::Length { bytes, frame } => write!(f, "{bytes} bytes, where a frame has {frame}"),
+                }
+            }
+        }
+
+        $(
+            impl From<frame::Frame<$command>> for Frame {
+                fn from(frame: frame::Frame<$command>) -> Self {
+                    let mut raw = [0; LONGEST];
+                    for (to, byte) in raw.iter_mut().zip(frame.bytes) {
+                        *to = byte;
+                    }
+                    Self {
+                        start: frame.start,
+                        end: frame.end,
+                        delivered: frame.delivered,
+                        raw,
+                        length: frame.bytes.len(),
+                        command: frame.command.map(Command::$name).map_err(BadFrame::$name),
+                        rpm: frame.rpm,
+                    }
+                }
+            }
+        )+
+
+        #[derive(Clone, Debug)]
+        enum AnyReader {
+            $($name(frame::Reader<$command>),)+
+        }
+
+        impl Reader {
+            /// Finds frames as an ECU does, and skips everything else: 0xFF begins every AMT message and occurs nowhere else in
+            /// one; four bytes with the head and the right CRC are a ZK frame.
+            pub const fn new(protocol: Protocol) -> Self {
+                Self(match protocol {
+                    $(Protocol::$name => AnyReader::$name(frame::Reader::new()),)+
+                })
+            }
+
+            /// Skips nothing: the number of bytes in a frame makes one, and a pause longer than this ends it.
+            pub const fn strict(protocol: Protocol, longest_pause: Nanos) -> Self {
+                Self(match protocol {
+                    $(Protocol::$name => AnyReader::$name(frame::Reader::strict(longest_pause)),)+
+                })
+            }
+
+            /// Takes one entry of a recording. Skips bytes from the ECU and bytes created by noise.
+            pub fn entry(&mut self, entry: &Entry) -> Option<Found> {
+                match &mut self.0 {
+                    $(AnyReader::$name(reader) => reader.entry(entry).map(|found| found.map(Frame::from)),)+
+                }
+            }
+
+            /// Discards the partial frame: its sender was reset.
+            pub fn restart(&mut self) {
+                match &mut self.0 {
+                    $(AnyReader::$name(reader) => reader.restart(),)+
+                }
+            }
+        }
+
+        impl Protocol {
+            /// Bytes of a control frame.
+            pub const fn control_length(self) -> usize {
+                match self {
+                    $(Self::$name => frame::length::<$command>(),)+
+                }
+            }
+        }
+    };
 }
 
-impl fmt::Display for Switch {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Pwm => "PWM input",
-            Self::Stop => "emergency stop",
-            Self::Standby => "standby",
-            Self::Run => "run",
-        })
-    }
-}
-
-/// Command in a control frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Command {
-    /// An AMT message.
-    Amt(AmtCommand),
-    /// A ZK frame.
-    Zk(ZkCommand),
+control! {
+    /// AMT.
+    Amt(AmtCommand);
+    /// ZK.
+    Zk(ZkCommand);
 }
 
 impl Command {
-    /// Reads the bytes of one frame.
-    pub fn read(protocol: Protocol, bytes: &[u8]) -> Result<Self, BadFrame> {
-        match protocol {
-            Protocol::Amt => amt::parse_command(bytes).map(Self::Amt).map_err(BadFrame::Amt),
-            Protocol::Zk => {
-                let bytes = bytes.try_into().map_err(|_| BadFrame::Length(bytes.len()))?;
-                zk::parse_command(bytes).map(Self::Zk).map_err(BadFrame::Zk)
-            }
-        }
-    }
-
-    /// The switch, where there is one: not in AMT's CTF, nor in ZK ID 6 with SW 0, which leaves the switch as it is.
-    pub const fn switch(self) -> Option<Switch> {
-        match self {
-            Self::Amt(command) => match command.ops {
-                Ops::EmergencyStop => Some(Switch::Stop),
-                Ops::AutoStop => Some(Switch::Standby),
-                Ops::Run => Some(Switch::Run),
-                Ops::Ctf => None,
-            },
-            Self::Zk(ZkCommand::Control { sw: Sw::None, .. }) => Some(Switch::Pwm),
-            Self::Zk(ZkCommand::Control { sw, .. } | ZkCommand::Switch { sw, .. }) => match sw {
-                Sw::None => None,
-                Sw::Stop => Some(Switch::Stop),
-                Sw::Standby => Some(Switch::Standby),
-                Sw::Run => Some(Switch::Run),
-            },
-            Self::Zk(_) => None,
-        }
-    }
-
-    /// The throttle in 0.1 %, with any switch: in every AMT message, and in ZK ID 1.
-    pub const fn throttle_tenths(self) -> Option<u16> {
-        match self {
-            Self::Amt(command) => Some(command.throttle_half_percent as u16 * 5),
-            Self::Zk(ZkCommand::Control { throttle, .. }) => Some(throttle),
-            Self::Zk(_) => None,
-        }
-    }
-
     /// The throttle in 0.1 %, if the switch is run.
-    pub const fn run_throttle_tenths(self) -> Option<u16> {
+    pub fn run_throttle_tenths(self) -> Option<u16> {
         match self.switch() {
             Some(Switch::Run) => self.throttle_tenths(),
             _ => None,
-        }
-    }
-}
-
-/// What it orders, for people.
-impl fmt::Display for Command {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Amt(command) => command.fmt(f),
-            Self::Zk(command) => command.fmt(f),
-        }
-    }
-}
-
-/// Reason why bytes are not a valid control frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BadFrame {
-    /// AMT.
-    Amt(amt::BadCommand),
-    /// ZK.
-    Zk(zk::BadCommand),
-    /// ZK: this number of bytes, where a frame has four.
-    Length(usize),
-}
-
-impl fmt::Display for BadFrame {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Amt(bad) => bad.fmt(f),
-            Self::Zk(bad) => bad.fmt(f),
-            Self::Length(length) => write!(f, "{length} bytes, where a frame has four"),
         }
     }
 }
@@ -131,13 +189,12 @@ pub struct Frame {
     pub end: Nanos,
     /// All bytes reached the ECU as they were sent.
     pub delivered: bool,
-    /// The bytes; the last one is 0 for ZK, whose frames have four.
-    pub raw: [u8; amt::LENGTH],
+    /// The bytes; behind them zeros, where other protocols have longer frames.
+    pub raw: [u8; LONGEST],
     length: usize,
     /// Their command.
     pub command: Result<Command, BadFrame>,
-    /// ZK: RPM_X as last sent, 0 if it was not.
-    pub factor: u8,
+    rpm: Option<u32>,
 }
 
 impl Frame {
@@ -146,134 +203,31 @@ impl Frame {
         &self.raw[..self.length]
     }
 
-    /// The speed commanded by ZK ID 7, if RPM_X gives its scale (ZK-9).
-    pub fn rpm(&self) -> Option<u32> {
-        match self.command {
-            Ok(Command::Zk(ZkCommand::Rpm(code))) if self.factor > 0 => {
-                Some(u32::from(code) * u32::from(self.factor) * 10)
-            }
-            _ => None,
-        }
+    /// The speed that it commands: that of ZK ID 7, if RPM_X gives its scale (ZK-9).
+    pub const fn rpm(&self) -> Option<u32> {
+        self.rpm
     }
 }
 
 /// Result of a strict [`Reader`].
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Found {
-    /// Bytes with the length of a frame.
-    Frame(Frame),
-    /// Fewer bytes, followed by a pause.
-    Fragment {
-        /// Start of the first start bit.
-        start: Nanos,
-        /// The bytes.
-        bytes: Vec<u8>,
-    },
-}
-
-/// How a [`Reader`] finds the start of a frame.
-#[derive(Clone, Copy, Debug)]
-enum Framing {
-    Heads,
-    Pauses(Nanos),
-}
+pub type Found = frame::Found<Frame>;
 
 /// Finds control frames in the recording of a line.
 #[derive(Clone, Debug)]
-pub struct Reader {
-    protocol: Protocol,
-    framing: Framing,
-    bytes: Vec<Entry>,
-    factor: u8,
-}
+pub struct Reader(AnyReader);
 
 impl Reader {
-    /// Finds frames as an ECU does, and skips everything else: 0xFF begins every AMT message and occurs nowhere else in one; four
-    /// bytes with the head and the right CRC are a ZK frame.
-    pub const fn new(protocol: Protocol) -> Self {
-        Self { protocol, framing: Framing::Heads, bytes: Vec::new(), factor: 0 }
-    }
-
-    /// Skips nothing: the number of bytes in a frame makes one, and a pause longer than this ends it.
-    pub const fn strict(protocol: Protocol, longest_pause: Nanos) -> Self {
-        Self { protocol, framing: Framing::Pauses(longest_pause), bytes: Vec::new(), factor: 0 }
-    }
-
     /// The frames whose last byte is in this part of a recording.
     pub fn read(&mut self, record: &[Entry]) -> impl Iterator<Item = Frame> {
-        record.iter().filter_map(|entry| match self.entry(entry) {
-            Some(Found::Frame(frame)) => Some(frame),
-            Some(Found::Fragment { .. }) | None => None,
-        })
-    }
-
-    /// Takes one entry of a recording. Skips bytes from the ECU and bytes created by noise.
-    pub fn entry(&mut self, entry: &Entry) -> Option<Found> {
-        if entry.direction != Direction::ToEcu || entry.fate == Fate::Added {
-            return None;
-        }
-        let fragment = match self.framing {
-            Framing::Heads if self.protocol == Protocol::Amt && entry.byte == amt::HEAD => {
-                self.bytes.clear();
-                None
-            }
-            Framing::Pauses(longest)
-                if self.bytes.last().is_some_and(|last| entry.start > last.end + longest) =>
-            {
-                self.fragment()
-            }
-            _ => None,
-        };
-        self.bytes.push(*entry);
-        fragment.or_else(|| self.frame().map(Found::Frame))
-    }
-
-    /// Discards the partial frame: its sender was reset.
-    pub fn restart(&mut self) {
-        self.bytes.clear();
-    }
-
-    fn fragment(&mut self) -> Option<Found> {
-        let start = self.bytes.first()?.start;
-        let bytes = self.bytes.drain(..).map(|entry| entry.byte).collect();
-        Some(Found::Fragment { start, bytes })
-    }
-
-    fn frame(&mut self) -> Option<Frame> {
-        let length = self.protocol.control_length();
-        let entries = self.bytes.get(..length)?;
-        let mut raw = [0; amt::LENGTH];
-        for (to, entry) in raw.iter_mut().zip(entries) {
-            *to = entry.byte;
-        }
-        let command = Command::read(self.protocol, &raw[..length]);
-        if matches!(self.framing, Framing::Heads)
-            && matches!(command, Err(BadFrame::Zk(zk::BadCommand::Head | zk::BadCommand::Crc)))
-        {
-            // The rest of a frame that a reset has cut short.
-            self.bytes.remove(0);
-            return None;
-        }
-        if let Ok(Command::Zk(ZkCommand::Switch { factor, .. })) = command {
-            self.factor = factor;
-        }
-        let frame = Frame {
-            start: entries[0].start,
-            end: entries[length - 1].end,
-            delivered: entries.iter().all(|entry| entry.fate == Fate::Delivered),
-            raw,
-            length,
-            command,
-            factor: self.factor,
-        };
-        self.bytes.drain(..length);
-        Some(frame)
+        record.iter().filter_map(|entry| self.entry(entry).and_then(Found::frame))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::wire::{Direction, Fate};
+    use crate::zk::{self, Sw};
 
     const BYTE: Nanos = 100_000;
 

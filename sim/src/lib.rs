@@ -11,7 +11,7 @@
 //! - [`wire`]: the two directions between one UART of the node and one ECU, with faults on demand.
 //! - [`turbine`]: a plausible single-spool turbine.
 //! - [`amt`], [`zk`]: the two kinds of ECU; [`any`](mod@any): either of them, and its configuration.
-//! - [`control`]: finds and reads the frames from the host to an ECU.
+//! - [`frame`]: what a protocol's control frames are; [`control`]: finds and reads those of either.
 //! - [`receiver`]: what receivers of radio control send.
 //! - [`log`]: the commands that an ECU has obeyed, with their times.
 
@@ -22,6 +22,7 @@ pub mod any;
 pub mod clock;
 pub mod control;
 pub mod ecu;
+pub mod frame;
 pub mod line;
 pub mod log;
 pub mod receiver;

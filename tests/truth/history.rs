@@ -2,6 +2,7 @@
 //! did. Nothing in it comes from the node. All times are in microseconds.
 
 use core::fmt;
+use sim::control::LONGEST;
 pub use sim::control::Switch;
 use sim::turbine::Phase;
 
@@ -108,7 +109,7 @@ pub enum Sent {
     /// Any other ID.
     Other(u8),
     /// No frame that the document knows.
-    Bad([u8; 5]),
+    Bad([u8; LONGEST]),
 }
 
 impl Sent {

@@ -1,6 +1,7 @@
 //! The control message `FF OPS THR OPS THR` (AMT-10): decoding it, and finding it in a stream of bytes.
 
 use crate::ecu::{LineFault, Nanos};
+use crate::frame::{ControlFrame, Switch};
 use core::fmt;
 
 /// Begins every message in both directions and occurs nowhere else (AMT-1).
@@ -110,6 +111,43 @@ pub fn parse_command(bytes: &[u8]) -> Result<AmtCommand, BadCommand> {
     match throttle.checked_sub(32) {
         Some(throttle_half_percent @ 0..=200) => Ok(AmtCommand { ops, throttle_half_percent }),
         _ => Err(BadCommand::Throttle(throttle)),
+    }
+}
+
+impl ControlFrame for AmtCommand {
+    type Bytes = [u8; LENGTH];
+    type Bad = BadCommand;
+
+    const UNIQUE_HEAD: Option<u8> = Some(HEAD);
+
+    fn read(bytes: &Self::Bytes) -> Result<Self, BadCommand> {
+        parse_command(bytes)
+    }
+
+    /// Its head shows where a message begins.
+    fn is_misaligned(_: BadCommand) -> bool {
+        false
+    }
+
+    fn switch(self) -> Option<Switch> {
+        match self.ops {
+            Ops::EmergencyStop => Some(Switch::Stop),
+            Ops::AutoStop => Some(Switch::Standby),
+            Ops::Run => Some(Switch::Run),
+            Ops::Ctf => None,
+        }
+    }
+
+    fn throttle_tenths(self) -> Option<u16> {
+        Some(u16::from(self.throttle_half_percent) * 5)
+    }
+
+    fn sets_scale(self) -> bool {
+        false
+    }
+
+    fn rpm(self, _: Option<Self>) -> Option<u32> {
+        None
     }
 }
 

@@ -2,6 +2,7 @@
 //! stream of bytes.
 
 use crate::ecu::LineFault;
+use crate::frame::{ControlFrame, Switch};
 use core::fmt;
 
 /// Begins every control frame.
@@ -263,6 +264,59 @@ pub fn parse_command(bytes: &[u8; 4]) -> Result<ZkCommand, BadCommand> {
         7 => Ok(ZkCommand::Rpm(twelve_bits)),
         8 => Ok(ZkCommand::Pressure(ten_bits)),
         _ => Err(BadCommand::Id(id)),
+    }
+}
+
+impl ControlFrame for ZkCommand {
+    type Bytes = [u8; LENGTH];
+    type Bad = BadCommand;
+
+    /// 0xFF also occurs inside frames.
+    const UNIQUE_HEAD: Option<u8> = None;
+
+    fn read(bytes: &Self::Bytes) -> Result<Self, BadCommand> {
+        parse_command(bytes)
+    }
+
+    fn is_misaligned(bad: BadCommand) -> bool {
+        match bad {
+            BadCommand::Head | BadCommand::Crc => true,
+            BadCommand::Id(_) | BadCommand::Range(_) => false,
+        }
+    }
+
+    fn switch(self) -> Option<Switch> {
+        match self {
+            Self::Control { sw: Sw::None, .. } => Some(Switch::Pwm),
+            Self::Control { sw, .. } | Self::Switch { sw, .. } => match sw {
+                Sw::None => None,
+                Sw::Stop => Some(Switch::Stop),
+                Sw::Standby => Some(Switch::Standby),
+                Sw::Run => Some(Switch::Run),
+            },
+            _ => None,
+        }
+    }
+
+    fn throttle_tenths(self) -> Option<u16> {
+        match self {
+            Self::Control { throttle, .. } => Some(throttle),
+            _ => None,
+        }
+    }
+
+    fn sets_scale(self) -> bool {
+        matches!(self, Self::Switch { .. })
+    }
+
+    /// Rpm / 10 / RPM_X, which came in the last ID 6 (ZK-9).
+    fn rpm(self, scale: Option<Self>) -> Option<u32> {
+        match (self, scale) {
+            (Self::Rpm(code), Some(Self::Switch { factor: factor @ 1.., .. })) => {
+                Some(u32::from(code) * u32::from(factor) * 10)
+            }
+            _ => None,
+        }
     }
 }
 

@@ -1,5 +1,5 @@
 //! The toy protocol's tests, as docs/porting.md lists them: the codec against the document, the settings, the timing table of
-//! the link, and a node with its runner against the simulated ECU.
+//! the link, a node with its runner against the simulated ECU, and the simulation's reader of control frames.
 
 // The tests' benches name the library, which is the one with the toy protocol here.
 extern crate toy as jetlink;
@@ -8,12 +8,14 @@ extern crate toy as jetlink;
 #[path = "../../../jetlink/tests/it/support/bench.rs"]
 #[allow(dead_code, reason = "each test program uses its part")]
 mod bench;
+mod command;
 mod ecu;
 #[path = "../../../tests/bench/mod.rs"]
 #[allow(clippy::disallowed_methods, reason = "a scenario keeps its own time")]
 mod wired_bench;
 
 use bench::{Bench, Machine};
+use command::{BadCommand, ToyCommand};
 use ecu::ToyEcu;
 use embassy_time::{Duration, Instant};
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
@@ -28,7 +30,9 @@ use jetlink::link::{Link, Output, Sign, Speaks, Stage};
 use jetlink::report::{LinkState, NotSent, Phase};
 use jetlink::setting::Effect;
 use jetlink::units::{Celsius, Throttle};
-use sim::ecu::Ecu;
+use sim::ecu::{Ecu, Nanos};
+use sim::frame::{ControlFrame, Reader, Switch};
+use sim::wire::{Direction, Entry, Fate};
 use wired_bench::{LONG, received, throttle};
 
 const LINE: Line = Line::new(9600);
@@ -160,6 +164,43 @@ fn node_starts_and_stops_a_toy_engine() {
     let mut commands = bench.plug.ecu(|ecu| ecu.commands.clone());
     commands.dedup();
     assert_eq!(commands, [0, 1, 2, 3], "the first slots are before the first command");
+}
+
+/// What the node sends, read as the rig and the judges of random worlds read it: the protocol's `ControlFrame` is all that they need.
+#[test]
+fn reader_of_the_simulation_reads_what_a_toy_node_sends() {
+    let bench = wired_bench::Bench::new(&ENGINE, powered(), 1);
+    bench.plug.record(true);
+    bench.play(LONG, async {
+        bench.start().await;
+        bench.command(Command::EmergencyStop, Origin::Bench).unwrap();
+        bench.until(|bench| bench.in_phase(Phase::Standby)).await;
+    });
+    let mut reader = Reader::<ToyCommand>::strict(1_000);
+    let record = bench.plug.log();
+    let found = record.iter().filter_map(|entry| reader.entry(entry));
+    let frames: Vec<_> = found.map(|found| found.frame().expect("no part of a frame")).collect();
+    let received = bench.plug.ecu(|ecu| ecu.commands.clone());
+    assert_eq!(frames.iter().map(|frame| frame.bytes[1]).collect::<Vec<_>>(), received);
+    let mut switches: Vec<_> = frames.iter().map(|frame| frame.command.unwrap().switch()).collect();
+    switches.dedup();
+    assert_eq!(switches, [None, Some(Switch::Standby), Some(Switch::Run), Some(Switch::Stop)]);
+}
+
+#[test]
+fn reader_of_the_simulation_finds_toy_frames_behind_a_part_of_one() {
+    let entry = |(at, byte)| Entry {
+        direction: Direction::ToEcu,
+        byte,
+        start: at,
+        end: at + 1,
+        fate: Fate::Delivered,
+    };
+    let record: Vec<Entry> = (0 as Nanos..).zip([0x5A, 0x5A, 2, 4, 0x5A, 9, 0x5A, 4]).map(entry).collect();
+    let mut reader = Reader::<ToyCommand>::new();
+    let found: Vec<_> = reader.read(&record).map(|frame| (frame.start, frame.command)).collect();
+    let bad = Err(BadCommand::Number(9));
+    assert_eq!(found, [(1, Ok(ToyCommand::Run)), (4, bad), (6, Ok(ToyCommand::Prime))]);
 }
 
 /// A service command passes the engine's interlocks, and takes a send slot.

@@ -1,6 +1,7 @@
 //! The node's frames on the wire, in the judge's terms.
 
 use core::fmt;
+use sim::control::LONGEST;
 pub use sim::control::Switch;
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -14,7 +15,7 @@ pub enum Frame {
     /// Any other: it orders nothing of a running engine.
     Other(u8),
     /// No frame that the document knows.
-    Bad([u8; 5]),
+    Bad([u8; LONGEST]),
 }
 
 impl fmt::Display for Frame {
