@@ -17,18 +17,20 @@
 //! Anything else is an unsolicited command.
 
 mod amt;
+mod vendor;
 mod zk;
 
 use super::engines::Engine;
 use super::simulated::parameters;
 use crate::protocols::protocols;
 use jetlink::command::{Demand, Order};
-use sim::control::{self, Command, Found, Reader, Switch};
+use sim::control::{self, Command, Found, Reader};
 use sim::ecu::{MILLIS, Nanos, SECOND};
 use sim::turbine::Phase;
 use sim::wire::{Direction, Entry, Fate};
-use sim::zk::{Action, ZkCommand};
 use std::collections::VecDeque;
+pub use vendor::WireCommand;
+use vendor::{Judge as _, Level, Rise};
 
 /// A frame may be so much older than its first bit: it was made before the order changed.
 const MADE_BEFORE: Nanos = 50 * MILLIS;
@@ -36,12 +38,8 @@ const MADE_BEFORE: Nanos = 50 * MILLIS;
 const LONGEST_GAP: Nanos = 5 * MILLIS;
 /// Findings that are kept; all are counted.
 const KEPT: usize = 5;
-/// Where nothing else is configured a demand rises at this rate, in per mille of the maximum per second.
-const RISE: u64 = 500;
 /// Periods of the ECU's frames without one after which nothing is on the wire.
 const NOTHING_AFTER: Nanos = 3;
-/// Longest time from the computation of a demand to its frame on the wire.
-const COMPUTED_BEFORE: Nanos = 25 * MILLIS;
 /// A rise after a gap or a reset has begun and ended after this: 10 s of doubt, 2 s from idle to full, and a frame.
 const RISE_WITHIN: Nanos = 13 * SECOND;
 /// A rise after a start: the time that a start may take, and the rise.
@@ -67,33 +65,6 @@ pub struct Finding {
     pub bytes: Vec<u8>,
     /// Its command, and what was in force.
     pub what: String,
-}
-
-/// The command in a frame of the node, in the terms of either protocol.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum WireCommand {
-    /// Emergency stop.
-    Stop,
-    /// Standby.
-    Standby,
-    /// Run at this throttle, in tenths of a percent.
-    Run(u16),
-    /// Run at this speed.
-    RunRpm(u32),
-    /// Nothing that concerns the switch or the demand.
-    Nothing,
-}
-
-impl core::fmt::Display for WireCommand {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::Stop => f.write_str("emergency stop"),
-            Self::Standby => f.write_str("standby"),
-            Self::Run(tenths) => write!(f, "run, throttle {:.1} %", f64::from(*tenths) / 10.0),
-            Self::RunRpm(rpm) => write!(f, "run, {rpm} rpm"),
-            Self::Nothing => f.write_str("no order"),
-        }
-    }
 }
 
 /// A frame of the node on the wire.
@@ -178,22 +149,12 @@ impl Received {
     }
 }
 
-/// A demand on the wire, in tenths of a percent or in rpm.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-struct Level {
-    at: Nanos,
-    value: u32,
-}
-
 /// Watches one line.
 #[derive(Clone, Debug)]
 pub struct Audit {
+    judges: Judges,
     cadence: Option<Nanos>,
-    rate_action: Option<Action>,
     idle_rpm: u32,
-    max_rpm: u32,
-    /// RPM_X that covers the engine's maximum (ZK-9).
-    factor: u8,
     /// What was ordered and from when, the oldest that still matters first.
     orders: VecDeque<(Nanos, Allowed)>,
     reader: Reader,
@@ -215,10 +176,10 @@ pub struct Audit {
     was_live: bool,
     /// When a source last commanded.
     commanded_at: Nanos,
-    /// The first bit of the frame in the last send slot (ZK).
+    /// The first bit of the frame in the last send slot.
     last_slot: Option<Nanos>,
-    /// The first bit of the last frame, if it was a switch in a command of its own (ZK).
-    switched_at: Option<Nanos>,
+    /// The first bit of the last frame, if the next one may share its send slot.
+    slot_shared_at: Option<Nanos>,
     /// What the node sent last that concerns the switch or the demand.
     pub on_wire: Option<WireCommand>,
     /// The last bits of the last frame that does, and of the last frame of any kind.
@@ -233,7 +194,7 @@ pub struct Audit {
     /// Those of them that went out before the ECU sent anything: it was still starting up.
     pub frames_before_ecu: u64,
     ecu_sent: bool,
-    /// The largest difference of two slots' distance from the cadence (ZK), see [`Audit::measure_cadence`].
+    /// The largest difference of two slots' distance from the cadence, see [`Audit::measure_cadence`].
     pub worst_cadence_error: Option<Nanos>,
     /// Frames that nothing allows.
     pub not_given: u64,
@@ -243,42 +204,54 @@ pub struct Audit {
     pub judged: bool,
 }
 
-/// A command of one protocol.
-trait Judged {
-    /// Whether this order allows it.
-    fn allowed_by(self, order: Order, audit: &Audit) -> bool;
-}
-
-macro_rules! judge {
+macro_rules! judges {
     ($($(#[$doc:meta])* $name:ident $module:ident;)+) => {
-        impl Audit {
-            fn allows(&self, order: Order, command: Command) -> bool {
+        /// The judges of all protocols for one engine.
+        #[derive(Clone, Debug)]
+        struct Judges {
+            $($(#[$doc])* $module: $module::Judge,)+
+        }
+
+        impl Judges {
+            fn new(engine: &Engine) -> Self {
+                Self { $($module: $module::Judge::new(engine),)+ }
+            }
+
+            fn wire(&self, command: Command) -> WireCommand {
                 match command {
-                    $(Command::$name(command) => command.allowed_by(order, self),)+
+                    $(Command::$name(command) => self.$module.wire(command),)+
+                }
+            }
+
+            fn allows(&self, command: Command, order: Order, rise: &Rise) -> bool {
+                match command {
+                    $(Command::$name(command) => self.$module.allows(command, order, rise),)+
+                }
+            }
+
+            fn shares_slot(&self, command: Command) -> bool {
+                match command {
+                    $(Command::$name(command) => self.$module.shares_slot(command),)+
+                }
+            }
+
+            fn rpm_step(&self, command: Command) -> u32 {
+                match command {
+                    $(Command::$name(_) => self.$module.rpm_step(),)+
                 }
             }
         }
     };
 }
-protocols!(judge);
+protocols!(judges);
 
 impl Audit {
     /// For this engine's line. The node begins by listening, and the ECU obeys no run.
     pub fn new(engine: &Engine) -> Self {
-        let parameters = parameters(engine);
-        let cadence = engine.cadence();
         Self {
-            cadence,
-            rate_action: cadence.map(|cadence| match cadence / MILLIS {
-                50 => Action::Rate20,
-                20 => Action::Rate50,
-                _ => Action::Rate100,
-            }),
-            idle_rpm: parameters.idle_rpm as u32,
-            max_rpm: parameters.max_rpm as u32,
-            factor: (1..=6_u8)
-                .find(|&factor| 40_950.0 * f64::from(factor) >= parameters.max_rpm)
-                .unwrap_or(6),
+            judges: Judges::new(engine),
+            cadence: engine.cadence(),
+            idle_rpm: parameters(engine).idle_rpm as u32,
             orders: VecDeque::from([(0, Allowed::Order(Order::Listen)), (0, Allowed::Order(Order::Standby))]),
             on_wire: None,
             commanded_until: 0,
@@ -291,7 +264,7 @@ impl Audit {
             level: None,
             rises_until: None,
             received: Received {
-                period: cadence.unwrap_or(125 * MILLIS),
+                period: engine.ecu_period(),
                 unchecked: !engine.ecu.protocol().has_checksum(),
                 frame: None,
                 whole: None,
@@ -303,7 +276,7 @@ impl Audit {
             was_live: false,
             commanded_at: 0,
             last_slot: None,
-            switched_at: None,
+            slot_shared_at: None,
             frames: 0,
             frames_before_ecu: 0,
             ecu_sent: false,
@@ -373,7 +346,7 @@ impl Audit {
         // The node receives nothing meanwhile.
         (self.received.gap, self.received.whole) = (Some(at), None);
         self.last_slot = None;
-        self.switched_at = None;
+        self.slot_shared_at = None;
         let before = self.on_wire.take().unwrap_or(WireCommand::Standby);
         // An emergency stop of the same instant is retained, though it was not sent yet.
         let stop = matches!(self.orders.back(), Some((_, Allowed::Order(Order::EmergencyStop))));
@@ -486,8 +459,9 @@ impl Audit {
                 return self.find(start, frame.bytes().to_vec(), &format!("not a valid frame: {bad}"));
             }
         };
-        let wire = self.wire_command(command);
-        let allowed = self.any_order(wire, |order| self.allows(order, command));
+        let wire = self.judges.wire(command);
+        let rise = Rise { at: start, last: self.level, until: self.rises_until };
+        let allowed = self.any_order(wire, |order| self.judges.allows(command, order, &rise));
         if wire == WireCommand::Stop && self.on_wire != Some(WireCommand::Stop) {
             self.stop_at = Some(start);
         }
@@ -496,7 +470,7 @@ impl Audit {
             self.on_wire = Some(wire);
             self.commanded_until = frame.end;
         }
-        self.note_level(wire);
+        self.note_level(wire, self.judges.rpm_step(command));
         let transmitted = TransmittedFrame { from: start, to: frame.end, command: wire };
         self.transmitted.iter_mut().for_each(|all| all.push(transmitted));
         if !allowed {
@@ -505,22 +479,20 @@ impl Audit {
     }
 
     /// From slot to slot. What may be sent before its slot does not count, and leaves the slots where they are: the
-    /// first frame of an emergency stop, and the frame right behind a switch, when the way of commanding changes.
+    /// first frame of an emergency stop, and the frame that shares the slot of the one before.
     fn measure_cadence(&mut self, start: Nanos, frame: &control::Frame) {
         let Some(cadence) = self.cadence else { return };
         let command = frame.command.ok();
-        let switched_at = core::mem::replace(
-            &mut self.switched_at,
-            matches!(command, Some(Command::Zk(ZkCommand::Switch { .. }))).then_some(start),
-        );
+        let shared = command.is_some_and(|command| self.judges.shares_slot(command));
+        let shared_at = core::mem::replace(&mut self.slot_shared_at, shared.then_some(start));
         let begins_stop = self.on_wire != Some(WireCommand::Stop)
-            && command.is_some_and(|command| self.wire_command(command) == WireCommand::Stop);
-        let behind_switch = switched_at.is_some_and(|at| start < at + LONGEST_GAP);
+            && command.is_some_and(|command| self.judges.wire(command) == WireCommand::Stop);
+        let shares_slot = shared_at.is_some_and(|at| start < at + LONGEST_GAP);
         let Some(last) = self.last_slot else {
             self.last_slot = Some(start);
             return;
         };
-        if start < last + cadence && (begins_stop || behind_switch) {
+        if start < last + cadence && (begins_stop || shares_slot) {
             return;
         }
         self.last_slot = Some(start);
@@ -547,35 +519,8 @@ impl Audit {
             })
     }
 
-    /// The command in a frame; a speed with the RPM_X that this engine needs, which may follow it.
-    fn wire_command(&self, command: Command) -> WireCommand {
-        match (command.switch(), command) {
-            (Some(Switch::Stop), _) => WireCommand::Stop,
-            (Some(Switch::Standby), _) => WireCommand::Standby,
-            (Some(Switch::Run), _) => {
-                command.throttle_tenths().map_or(WireCommand::Nothing, WireCommand::Run)
-            }
-            (_, Command::Zk(ZkCommand::Rpm(code))) => {
-                WireCommand::RunRpm(u32::from(code) * u32::from(self.factor) * 10)
-            }
-            _ => WireCommand::Nothing,
-        }
-    }
-
-    /// Whether this demand is on its way from the last one on the wire up to the one that is given, no faster than it may.
-    /// `full` is its maximum, `grain` the step of the wire.
-    fn rises(&self, value: u32, given: u32, full: u32, grain: u32) -> bool {
-        let at = self.frame_start;
-        let Some(last) = self.level else { return false };
-        let rises = self.rises_until.is_some_and(|until| at <= until);
-        let passed = at.saturating_sub(last.at) + COMPUTED_BEFORE;
-        let most = u64::from(full) * RISE * passed / (1000 * SECOND);
-        let most = u64::from(last.value) + most + u64::from(grain);
-        rises && (last.value..=given).contains(&value) && u64::from(value) <= most
-    }
-
-    /// Keeps the demand of this frame; it rises no more when it is the one that is given.
-    fn note_level(&mut self, wire: WireCommand) {
+    /// Keeps the demand of this frame; it rises no more when it is the one that is given, to the step of the wire.
+    fn note_level(&mut self, wire: WireCommand, rpm_step: u32) {
         let at = self.frame_start;
         let given = self.orders.back().map(|&(_, allowed)| allowed);
         let (value, arrived) = match (wire, given) {
@@ -583,8 +528,7 @@ impl Audit {
                 (value.into(), value > 0 && value == given.tenths())
             }
             (WireCommand::RunRpm(value), Some(Allowed::Order(Order::Run(Demand::Rpm(given))))) => {
-                let step = u32::from(self.factor) * 10;
-                (value, value > self.idle_rpm && value / step == given.get() / step)
+                (value, value > self.idle_rpm && value / rpm_step == given.get() / rpm_step)
             }
             (WireCommand::Run(value), _) => (value.into(), false),
             (WireCommand::RunRpm(value), _) => (value, false),

@@ -52,7 +52,12 @@ impl Engine {
 
     /// Interval of the node's send slots; `None` where it only replies to frames of its ECU (AMT).
     pub fn cadence(&self) -> Option<Nanos> {
-        self.ecu.cadence(&self.config)
+        self.ecu.cadence()
+    }
+
+    /// Interval between two frames of its ECU.
+    pub fn ecu_period(&self) -> Nanos {
+        self.ecu.ecu_period()
     }
 }
 
@@ -78,9 +83,15 @@ macro_rules! ecus {
                 }
             }
 
-            fn cadence(self, config: &EngineConfig) -> Option<Nanos> {
+            fn cadence(self) -> Option<Nanos> {
                 match self {
-                    $(Self::$name(_) => $module::Ecu::cadence(config),)+
+                    $(Self::$name(ecu) => ecu.cadence(),)+
+                }
+            }
+
+            fn ecu_period(self) -> Nanos {
+                match self {
+                    $(Self::$name(ecu) => ecu.ecu_period(),)+
                 }
             }
 
@@ -202,7 +213,10 @@ mod tests {
     fn omitted_keys_have_defaults() {
         let engine = one("ecu=zk").unwrap();
         assert_eq!(engine.name(), "engine1");
-        assert_eq!(engine.ecu, Ecu::Zk(zk::Ecu { version: 5, mode: zk::Mode::Throttle }));
+        assert_eq!(
+            engine.ecu,
+            Ecu::Zk(zk::Ecu { version: 5, rate: sim::zk::Rate::Hz20, mode: zk::Mode::Throttle })
+        );
         assert_eq!(engine.config.line, Line::new(9600));
         assert_eq!(one("name=x").unwrap().ecu, Ecu::Amt(amt::Ecu(sim::amt::EngineModel::Olympus)));
     }

@@ -4,6 +4,7 @@ use super::description::{Described, Description};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::amt::codec::EngineModel;
 use sim::amt;
+use sim::ecu::{MILLIS, Nanos};
 
 /// The simulated ECU, with the engine behind it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -31,5 +32,18 @@ impl Described for Ecu {
         let expected = EngineModel::ALL.into_iter().find(|engine| engine.name() == simulated.name());
         let line = description.line(2400)?;
         Ok((EngineConfig::amt(name, port, line, expected), Self(simulated)))
+    }
+
+    /// It has a throttle only.
+    fn by_rpm(self) -> bool {
+        false
+    }
+
+    fn cadence(self) -> Option<Nanos> {
+        None
+    }
+
+    fn ecu_period(self) -> Nanos {
+        125 * MILLIS
     }
 }

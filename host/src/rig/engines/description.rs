@@ -78,12 +78,11 @@ pub trait Described: Copy {
     ) -> Result<(EngineConfig, Self), String>;
 
     /// Whether the pilot commands a speed instead of a throttle.
-    fn by_rpm(self) -> bool {
-        false
-    }
+    fn by_rpm(self) -> bool;
 
     /// Interval of the node's send slots; `None` where it only replies to frames of its ECU.
-    fn cadence(_: &EngineConfig) -> Option<Nanos> {
-        None
-    }
+    fn cadence(self) -> Option<Nanos>;
+
+    /// Interval between two frames of the ECU.
+    fn ecu_period(self) -> Nanos;
 }

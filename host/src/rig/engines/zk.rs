@@ -12,6 +12,8 @@ use sim::zk;
 pub struct Ecu {
     /// Protocol version.
     pub version: u8,
+    /// Rate that the node sets.
+    pub rate: zk::Rate,
     /// How it is commanded.
     pub mode: Mode,
 }
@@ -45,10 +47,10 @@ impl Described for Ecu {
             text if matches!(text, "1" | "2" | "3" | "4" | "5") => text.bytes().next().unwrap_or(b'5') - b'0',
             other => return Err(format!("version=`{other}` is not known: write 1 to 5")),
         };
-        let rate = match description.get("rate").unwrap_or("20") {
-            "20" => Rate::Hz20,
-            "50" => Rate::Hz50,
-            "100" => Rate::Hz100,
+        let (rate, simulated) = match description.get("rate").unwrap_or("20") {
+            "20" => (Rate::Hz20, zk::Rate::Hz20),
+            "50" => (Rate::Hz50, zk::Rate::Hz50),
+            "100" => (Rate::Hz100, zk::Rate::Hz100),
             other => return Err(format!("rate=`{other}` is not known: write 20, 50 or 100")),
         };
         let wanted = description.get("mode").unwrap_or("throttle");
@@ -65,22 +67,18 @@ impl Described for Ecu {
         if let EcuConfig::Zk(zk) = &mut config.ecu {
             zk.split_switch = mode == Mode::Split;
         }
-        Ok((config, Self { version, mode }))
+        Ok((config, Self { version, rate: simulated, mode }))
     }
 
     fn by_rpm(self) -> bool {
         self.mode == Mode::Rpm
     }
 
-    fn cadence(config: &EngineConfig) -> Option<Nanos> {
-        let EcuConfig::Zk(config) = config.ecu else { return None };
-        Some(
-            match config.rate {
-                Rate::Hz20 => zk::Rate::Hz20,
-                Rate::Hz50 => zk::Rate::Hz50,
-                Rate::Hz100 => zk::Rate::Hz100,
-            }
-            .period(),
-        )
+    fn cadence(self) -> Option<Nanos> {
+        Some(self.rate.period())
+    }
+
+    fn ecu_period(self) -> Nanos {
+        self.rate.period()
     }
 }
