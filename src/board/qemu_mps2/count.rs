@@ -9,8 +9,10 @@ use super::hardware::Register;
 use super::memory_uart::{FIRST_SENT, TIMER_VALUE, now};
 use super::semihosting::exit;
 use super::uart::Port;
+use core::mem::discriminant;
 use core::sync::atomic::Ordering;
 use embassy_time::{Duration, Ticker};
+use jetlink::config::EngineConfig;
 use jetlink::ecu::EcuConfig;
 use jetlink_fw::config::ENGINES;
 
@@ -27,6 +29,8 @@ const FRAMES: usize = 50;
 /// Pause between two frames, shorter than the time after which an ECU is lost.
 const PERIOD: Duration = Duration::from_millis(125);
 
+/// Bytes of the longest frame.
+const LONGEST: usize = 7;
 /// An AMT set of an engine in standby.
 const AMT: [u8; 6] = [0xFF, 0x02, 0x00, 0x0E, 0x00, 0x00];
 /// The first status example of the ZK document.
@@ -36,7 +40,7 @@ fn instructions(from: u32, to: u32) -> u32 {
     (to.wrapping_sub(from) * TICK_NS + INSTRUCTION_NS / 2) / INSTRUCTION_NS
 }
 
-/// Counts for one engine of either kind, prints, and ends the program.
+/// Counts for the first engine of each kind, prints, and ends the program.
 #[expect(clippy::disallowed_methods, reason = "it is the ECU here, which keeps its own time")]
 pub async fn run() -> ! {
     TIMER_RELOAD.write(u32::MAX);
@@ -45,18 +49,17 @@ pub async fn run() -> ! {
     let itself = instructions(now(), now());
 
     let mut period = Ticker::every(PERIOD);
-    for engine in [
-        ENGINES.iter().find(|engine| matches!(engine.ecu, EcuConfig::Amt(_))),
-        ENGINES.iter().find(|engine| matches!(engine.ecu, EcuConfig::Zk(_))),
-    ]
-    .into_iter()
-    .flatten()
-    {
-        let frame: &[u8] = match engine.ecu {
-            EcuConfig::Amt(_) => &AMT,
-            EcuConfig::Zk(_) => &ZK,
+    for (row, engine) in ENGINES.iter().enumerate() {
+        let same = |other: &EngineConfig| discriminant(&other.ecu) == discriminant(&engine.ecu);
+        if ENGINES[..row].iter().any(same) {
+            continue;
+        }
+        let (frame, answered): (&[u8], bool) = match engine.ecu {
+            EcuConfig::Amt(_) => (&AMT, true),
+            // Only the keep-alive is sent in the meantime.
+            EcuConfig::Zk(_) => (&ZK, false),
         };
-        let (mut bytes, mut reply) = ([u32::MAX; 7], u32::MAX);
+        let (mut bytes, mut reply) = ([u32::MAX; LONGEST], u32::MAX);
         for _ in 0..FRAMES {
             period.next().await;
             for (byte, least) in frame.iter().zip(&mut bytes) {
@@ -78,8 +81,7 @@ pub async fn run() -> ! {
         defmt::info!("count: {=str}, {=[u8]:02x}, on {}", engine.name, frame, engine.line);
         defmt::info!("count: its bytes, interrupt to sleep: {=[?]} instructions", bytes);
         defmt::info!("count: the frame, all of its bytes: {=u32} instructions", all);
-        // A ZK ECU is not answered: only the keep-alive was sent in the meantime.
-        if matches!(engine.ecu, EcuConfig::Amt(_)) {
+        if answered {
             defmt::info!(
                 "count: last byte's interrupt to the reply's first byte: {=u32} instructions",
                 reply

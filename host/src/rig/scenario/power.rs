@@ -153,11 +153,7 @@ async fn reset(c: &ScenarioContext<'_>, away: f64) {
 
 pub async fn brown_out(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.fly(60).await?;
-    c.ecu(1, |ecu| {
-        if let AnyEcu::Amt(ecu) = ecu {
-            ecu.set_errors(sim::amt::error::SUPPLY_LOW);
-        }
-    });
+    c.ecu(1, |ecu| report_low_supply(ecu, true));
     c.sleep(5.0).await;
     c.event();
     c.mark("the node's supply dips for 0.3 s, its memory survives");
@@ -201,12 +197,16 @@ pub async fn brown_out(c: &ScenarioContext<'_>) -> Result<(), String> {
         );
     }
     c.arm();
-    c.ecu(1, |ecu| {
-        if let AnyEcu::Amt(ecu) = ecu {
-            ecu.set_errors(0);
-        }
-    });
+    c.ecu(1, |ecu| report_low_supply(ecu, false));
     c.shut_down().await
+}
+
+/// An AMT ECU sends error sets meanwhile, which report no state of its engine.
+fn report_low_supply(ecu: &mut AnyEcu, low: bool) {
+    match ecu {
+        AnyEcu::Amt(ecu) => ecu.set_errors(if low { sim::amt::error::SUPPLY_LOW } else { 0 }),
+        AnyEcu::Zk(_) => {}
+    }
 }
 
 pub async fn ecu_swapped(c: &ScenarioContext<'_>) -> Result<(), String> {
