@@ -13,7 +13,7 @@ use super::model::{Model, Page, Popup, Requested};
 use super::picture;
 use super::theme::Theme;
 use clap::Parser;
-use crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
+use crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 use embassy_time::{Duration, Instant};
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
@@ -34,11 +34,18 @@ pub struct Cli {
 }
 
 /// Presses keys at engine times, and ends the run.
-struct Keys<'a> {
+pub struct Keys<'a> {
     model: &'a RefCell<Model>,
     keys: Vec<(f64, KeyEvent)>,
     next: usize,
     end: f64,
+}
+
+impl<'a> Keys<'a> {
+    /// Each with its time in seconds.
+    pub fn new(model: &'a RefCell<Model>, keys: &[(f64, KeyEvent)], end: f64) -> Self {
+        Self { model, keys: keys.to_vec(), next: 0, end }
+    }
 }
 
 impl Control for Keys<'_> {
@@ -99,7 +106,7 @@ pub fn play(name: &str, script: &str, keys: &[(f64, KeyEvent)], end: f64) -> Pla
         session::run(&order.setup, &mut Scripted::new(actions, over), show)
     } else {
         assert!(actions.is_empty(), "keys or actions");
-        let mut control = Keys { model: &model, keys: keys.to_vec(), next: 0, end };
+        let mut control = Keys::new(&model, keys, end);
         session::run(&order.setup, &mut control, show)
     };
     let over = Some(Instant::MIN + outcomes.length);
@@ -543,75 +550,6 @@ fn ascii_screens_have_no_other_characters() {
     }
 }
 
-#[test]
-fn every_key_is_on_the_help_screen_at_80_by_24() {
-    let mut played = pair(1.0, &[], "help");
-    played.model.popup = Some(Popup::Help);
-    let screen = text(&buffer(&played.model, COLOUR, 80, 24));
-    for key in &super::keys::KEYS {
-        assert!(screen.contains(key.name) && screen.contains(key.text), "{}: {screen}", key.name);
-    }
-}
-
-/// Where the keys move a transmitter they say so.
-#[test]
-fn the_help_of_a_transmitter_names_stick_and_switch() {
-    let mut played = pair(1.0, &[], "transmitter");
-    (played.model.popup, played.model.transmitter) = (Some(Popup::Help), true);
-    let screen = text(&buffer(&played.model, COLOUR, 80, 24));
-    assert!(screen.contains("s      the switch to run allowed"), "{screen}");
-    assert!(screen.contains("Up     the stick 5 % up") && !screen.contains("start: run at idle"), "{screen}");
-}
-
-/// In a scenario no key acts on an engine but the emergency stop and its release, and none is shown that would.
-#[test]
-fn a_scenario_shows_no_key_that_would_do_nothing() {
-    let mut played = pair(1.0, &[], "scenario");
-    (played.model.popup, played.model.scenario) = (Some(Popup::Help), true);
-    let screen = text(&buffer(&played.model, COLOUR, 80, 24));
-    assert!(screen.contains("pause, or continue"), "{screen}");
-    assert!(screen.contains("Space STOP ALL  ? keys  q end  w why  v wire"), "{screen}");
-    assert!(!screen.contains("break something") && !screen.contains("start: run at idle"), "{screen}");
-    // Nor in the line that says what happens, while they fly and at the end.
-    let mut played = pair(70.0, &[], "scenario-flies");
-    for verdict in [None, Some(super::model::Verdict { pass: true, lines: vec!["PASS: all".to_owned()] })] {
-        played.model.verdict = verdict;
-        let story = |model: &Model| text(&buffer(model, COLOUR, 80, 24)).lines().nth(1).unwrap().to_owned();
-        played.model.scenario = false;
-        assert!(story(&played.model).contains("press f"), "{}", story(&played.model));
-        played.model.scenario = true;
-        assert!(!story(&played.model).contains("press f"), "{}", story(&played.model));
-    }
-}
-
-/// Space stops all engines of a scenario, too. What was expected of it is not judged then.
-#[test]
-fn space_stops_a_scenario_and_it_is_not_judged() {
-    let args = ["rig", "--fast", "--scenario", "source-loss"];
-    for (keys, stops) in [(vec![], false), (vec![(60.0, char(' '))], true)] {
-        let mut order = order(&Cli::parse_from(args).args).unwrap();
-        order.setup.details = true;
-        let model = RefCell::new(Model::new(&order.setup.engines, order.setup.plan.length, true));
-        let show = |message: Message| {
-            model.borrow_mut().message(message);
-            true
-        };
-        let mut control = Keys { model: &model, keys: keys.clone(), next: 0, end: 200.0 };
-        let outcomes = session::run(&order.setup, &mut control, show);
-        let samples = model.borrow().samples.clone();
-        assert!(samples.iter().all(|sample| (sample.wire_text() == "STOP") == stops), "{stops}");
-        let problems = super::super::summary::problems(&outcomes);
-        assert_eq!(problems, Vec::<String>::new());
-        assert_eq!(outcomes.checks.iter().all(|check| check.held), !stops, "{:?}", outcomes.checks);
-        let verdict = super::super::summary::pass(&outcomes);
-        assert!(verdict.starts_with(if stops { "STOPPED by hand" } else { "PASS: all" }), "{verdict}");
-        assert!(!order.setup.plays_again(), "a script file has no scenario");
-        // Once for each engine, however often its pilot would command.
-        let rejected: u32 = outcomes.engines.iter().map(|outcome| outcome.commands_rejected).sum();
-        assert_eq!(rejected, 0);
-    }
-}
-
 /// Engines that MAVLink or radio control commands have no script, and the line above says who commands.
 #[test]
 fn engines_without_pilots_have_no_script() {
@@ -626,27 +564,6 @@ fn engines_without_pilots_have_no_script() {
         "{screen}"
     );
     assert!(screen.contains("│no script, armed"), "{screen}");
-}
-
-/// On a low and narrow screen they are on several pages, each of them whole.
-#[test]
-fn every_key_is_on_a_page_of_the_help_at_60_by_16() {
-    let mut played = pair(1.0, &[], "pages");
-    let mut pages = String::new();
-    let mut count = 0;
-    loop {
-        played.model.key(&char('?'));
-        let screen = text(&buffer(&played.model, COLOUR, 60, 16));
-        if played.model.popup.is_none() {
-            break;
-        }
-        count += 1;
-        pages += &screen;
-    }
-    assert!(count > 1, "{pages}");
-    for key in &super::keys::KEYS {
-        assert!(pages.contains(key.name) && pages.contains(key.text), "{}: {pages}", key.name);
-    }
 }
 
 /// No text of the smallest screen ends in the middle: what happens, why, and the reply window.
@@ -665,83 +582,6 @@ fn texts_of_the_smallest_screen_are_whole() {
     let summary = super::super::summary::text(&played.outcomes, &[], None, 60);
     let (table, _) = summary.split_once("\n\n").expect("a table");
     assert!(table.lines().all(|line| line.chars().count() <= 60) && table.contains("booster"), "{table}");
-}
-
-/// Also one that nobody has taken from it.
-#[test]
-fn b_begins_the_script_anew() {
-    let before = pair(59.9, &[], "not-yet");
-    assert_ne!(before.model.samples[0].wire_text(), "standby");
-    let anew = pair(62.0, &[(60.0, char('b'))], "anew");
-    assert_eq!(anew.model.samples[0].wire_text(), "standby");
-    assert_eq!(anew.model.samples[0].stage, Stage::Standby);
-    assert_eq!(anew.model.samples[1].stage, before.model.samples[1].stage);
-}
-
-/// While a stop is latched a script cannot begin, and the event names the reason.
-#[test]
-fn b_while_a_stop_is_latched_names_the_stop() {
-    let played = pair(62.0, &[(50.0, char(' ')), (60.0, char('b'))], "latched");
-    let text = "NOT REACHED: standby was refused: an emergency stop is latched";
-    assert!(
-        played.model.events.iter().any(|event| event.text.starts_with(text)),
-        "{:?}",
-        played.model.events
-    );
-}
-
-#[test]
-fn a_command_takes_the_engine_and_b_gives_it_back() {
-    // Left starts at 3 s, and runs 27 s later.
-    let up = press(KeyCode::Up);
-    let keys = [(40.0, up), (40.1, up), (40.2, press(KeyCode::PageUp)), (60.0, char('b'))];
-    let flying = pair(45.0, &keys, "taken");
-    let screen = text(&buffer(&flying.model, COLOUR, 80, 24));
-    assert!(screen.contains("played by you, armed"), "{screen}");
-    let sent = flying.model.samples[0].wire_text();
-    assert!(sent.ends_with(" %") && sent != "0.0 %", "{sent}");
-    assert!(flying.script.contains("40.0 left throttle "), "{}", flying.script);
-    let back = pair(62.0, &keys, "back");
-    assert_eq!(back.model.samples[0].wire_text(), "standby");
-    assert_ne!(back.model.samples[0].stage, super::super::context::Stage::Played);
-    assert_eq!(back.outcomes.engines[0].played.map(|verdict| verdict.missed), Some(0));
-}
-
-#[test]
-fn space_stops_all_engines_in_menus_too_and_release_takes_two_keys() {
-    let space = char(' ');
-    let keys = [(50.0, char('f')), (50.5, space), (51.0, press(KeyCode::Esc)), (60.0, char('r'))];
-    let stopped = pair(58.0, &keys, "stopped");
-    for sample in &stopped.model.samples {
-        assert_eq!(sample.wire_text(), "STOP");
-        assert_eq!(sample.counters.commands_rejected, 0);
-    }
-    let screen = text(&buffer(&stopped.model, COLOUR, 80, 24));
-    assert!(screen.contains("emergency stop is latched") && screen.contains("bench: STOP"), "{screen}");
-    let question = pair(62.0, &keys, "question");
-    assert_eq!(question.model.samples[0].wire_text(), "STOP");
-    assert!(text(&buffer(&question.model, COLOUR, 80, 24)).contains("release the emergency stop of left?"));
-    let keys = [&keys[..], &[(62.0, char('y'))]].concat();
-    let released = pair(64.0, &keys, "released");
-    assert_eq!(released.model.samples[0].wire_text(), "standby");
-    assert_eq!(released.model.samples[1].wire_text(), "STOP");
-    let verdicts: Vec<_> = released.outcomes.engines.iter().map(|outcome| outcome.played.unwrap()).collect();
-    assert!(verdicts.iter().all(|verdict| verdict.late_stops == 0 && verdict.ignitions == 0), "{verdicts:?}");
-    assert!(super::super::summary::problems(&released.outcomes).is_empty());
-}
-
-#[test]
-fn esc_closes_and_never_ends_and_releases_of_keys_do_not_count() {
-    let esc = press(KeyCode::Esc);
-    let mut up = char('q');
-    up.kind = KeyEventKind::Release;
-    let played = pair(3.0, &[(1.0, char('w')), (1.1, char('?')), (1.2, esc), (1.3, up)], "esc");
-    assert_eq!((played.model.page, played.model.popup), (Page::Why, None));
-    let played = pair(3.0, &[(1.0, char('w')), (1.2, esc), (1.3, esc), (1.4, esc)], "esc-esc");
-    assert_eq!(played.model.page, Page::Engines);
-    assert!(played.outcomes.length >= Duration::from_secs(3));
-    let played = pair(3.0, &[(1.0, char('q'))], "quit");
-    assert!(played.outcomes.length < Duration::from_millis(1200));
 }
 
 #[test]
