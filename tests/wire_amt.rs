@@ -22,7 +22,7 @@ use sim::wire::{Babble, Direction, Entry, Faults as Noise, FramingAs};
 
 fn bench(baud: u32, seed: u64) -> Bench<AmtEcu> {
     let config = EngineConfig::amt("amt", 0, Line::new(baud), None);
-    let ecu = AmtConfig::new(sim::amt::EngineModel::Olympus).on(bench::sim_line(config.line));
+    let ecu = AmtConfig::new(sim::amt::EngineModel::Olympus).on(sim::line_of!(config.line));
     Bench::new(&config, AmtEcu::new(ecu), seed)
 }
 

@@ -26,7 +26,7 @@ fn bench(
 ) -> Bench<AmtEcu> {
     let mut config = EngineConfig::amt("amt", 0, Line::new(baud), known);
     config.supervision.governor = Some(governor);
-    let ecu = AmtConfig::new(engine).on(bench::sim_line(config.line));
+    let ecu = AmtConfig::new(engine).on(sim::line_of!(config.line));
     Bench::new(&config, AmtEcu::new(ecu), 1)
 }
 

@@ -3,7 +3,7 @@
 
 mod bench;
 
-use bench::{LONG, command_as, received, sim_line, throttle};
+use bench::{LONG, command_as, received, throttle};
 use embassy_futures::join::join;
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Timer};
@@ -29,19 +29,19 @@ use std::cell::Cell;
 static ERRORS: LineErrors = LineErrors::new();
 
 fn wire<E: Ecu>(config: &EngineConfig, ecu: E, seed: u64) -> (WireRx, WireTx, Plug<E>) {
-    let line = sim_line(config.line);
+    let line = sim::line_of!(config.line);
     connect_with(ecu, Settings { node: line, ecu: line, ..Settings::new(line, seed) })
 }
 
 fn amt(baud: u32) -> (EngineConfig, AmtEcu) {
     let config = EngineConfig::amt("amt", 0, Line::new(baud), None);
-    let ecu = AmtConfig::new(sim::amt::EngineModel::Olympus).on(sim_line(config.line));
+    let ecu = AmtConfig::new(sim::amt::EngineModel::Olympus).on(sim::line_of!(config.line));
     (config, AmtEcu::new(ecu))
 }
 
 fn zk() -> (EngineConfig, ZkEcu) {
     let config = EngineConfig::zk("zk", 0, Line::new(9600), Rate::Hz20);
-    (config, ZkEcu::new(ZkConfig::new(5).on(sim_line(config.line))))
+    (config, ZkEcu::new(ZkConfig::new(5).on(sim::line_of!(config.line))))
 }
 
 fn in_phase(owner: &Owner<'_>, phase: Phase) -> bool {

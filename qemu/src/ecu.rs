@@ -49,7 +49,7 @@ pub struct Attached {
 impl Attached {
     /// The ECU of a row in the table of engines. ZK ECUs alternate between protocol versions 5 and 4.
     pub fn new(row: usize, engine: &EngineConfig, turbine: Turbine) -> Self {
-        let line = Line::with_bits(engine.line.baud, engine.line.bits_per_byte());
+        let line = sim::line_of!(engine.line);
         let mut config = match &engine.ecu {
             EcuConfig::Amt(config) => AnyConfig::amt(amt_engine(config.engine)),
             EcuConfig::Zk(_) => AnyConfig::zk(if row.is_multiple_of(2) { 5 } else { 4 }),

@@ -79,6 +79,16 @@ impl Line {
     }
 }
 
+/// The line of an engine in the terms of the simulation: anything with `baud` and `bits_per_byte()`. A macro, because this crate does
+/// not know the library, and the library with a toy protocol (`toy/`) has another type for it.
+#[macro_export]
+macro_rules! line_of {
+    ($line:expr) => {{
+        let line = $line;
+        $crate::line::Line::with_bits(line.baud, line.bits_per_byte())
+    }};
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -8,7 +8,6 @@ use jetlink::channel::{Channel, Events, Handle, Owner};
 use jetlink::command::{Accepted, Command, Demand, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::event::Event;
-use jetlink::line::Line;
 use jetlink::report::Phase;
 use jetlink::runner::LineErrors;
 use jetlink::units::{Rpm, Throttle};
@@ -35,7 +34,7 @@ impl<E: Ecu> Bench<E> {
     pub fn new(config: &EngineConfig, ecu: E, seed: u64) -> Self {
         // The ECU is powered up at the time it is connected.
         clock::reset();
-        let line = sim_line(config.line);
+        let line = sim::line_of!(config.line);
         let (rx, tx, plug) =
             connect_with(ecu, Settings { node: line, ecu: line, ..Settings::new(line, seed) });
         Self { channel: Channel::new(config, None), plug, halves: RefCell::new(Some((rx, tx))) }
@@ -126,10 +125,6 @@ pub fn throttle(percent: u8) -> Command {
 
 pub fn rpm(rpm: u32) -> Command {
     Command::Run(Demand::Rpm(Rpm::new(rpm)))
-}
-
-pub fn sim_line(line: Line) -> sim::line::Line {
-    sim::line::Line::with_bits(line.baud, line.bits_per_byte())
 }
 
 /// The control frames that the node put on the wire, before any fault: when each began, and what it commands. The record may begin or

@@ -36,7 +36,7 @@ impl Setup {
     }
 
     fn of(config: EngineConfig, ecu: AnyConfig, count: usize) -> Self {
-        let line = sim::line::Line::with_bits(config.line.baud, config.line.bits_per_byte());
+        let line = sim::line_of!(config.line);
         let rules = rules(&config, &ecu, count);
         Self { config, rules, line, ecu }
     }

@@ -15,7 +15,7 @@ pub fn ecu(engine: &Engine) -> AnyEcu {
 
 /// The line of this engine, in the terms of the simulation.
 pub fn line(engine: &Engine) -> Line {
-    Line::with_bits(engine.config.line.baud, engine.config.line.bits_per_byte())
+    sim::line_of!(engine.config.line)
 }
 
 /// The figures of this engine's turbine.

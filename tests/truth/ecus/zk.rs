@@ -36,7 +36,6 @@ pub fn random(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {
     let baud = rng.pick(bauds);
     let two = baud > 2400 && rng.percent(20);
     let line = if two { Line::with_two_stop_bits(baud) } else { Line::new(baud) };
-    let sim_line = sim::line::Line::with_bits(baud, line.bits_per_byte());
     let mut config = EngineConfig::zk("zk", port, line, rate);
     if let EcuConfig::Zk(zk) = &mut config.ecu {
         zk.split_switch = rng.percent(30);
@@ -61,7 +60,7 @@ pub fn random(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {
             Rate::Hz50 => sim::zk::Rate::Hz50,
             _ => sim::zk::Rate::Hz100,
         },
-        ..ZkConfig::new(version).on(sim_line)
+        ..ZkConfig::new(version).on(sim::line_of!(line))
     };
     (config, AnyConfig::Zk(ecu))
 }

@@ -3,7 +3,7 @@
 use super::super::ecus;
 use super::super::oracle::Input;
 use super::super::rng::Rng;
-use super::rig::{Rig, SECOND, Trace, now, sim_line};
+use super::rig::{Rig, SECOND, Trace, now};
 use sim::wire::{Babble, Faults};
 
 impl Rig {
@@ -19,7 +19,7 @@ impl Rig {
             if let Some(from) = self.hung_from.take() {
                 let _ = from;
                 // 64 bytes lay in its ring at most.
-                let ring = sim_line(self.config.line).byte_ns(70) / 1000;
+                let ring = sim::line_of!(self.config.line).byte_ns(70) / 1000;
                 self.input(Input::HungUntil(now + ring));
             }
             self.note(Trace::Line("healed"));

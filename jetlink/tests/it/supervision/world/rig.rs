@@ -8,7 +8,6 @@ use jetlink::channel::Owner;
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::event::Event;
-use jetlink::line::Line;
 use jetlink::units::Throttle;
 use sim::any::AnyEcu;
 use sim::clock;
@@ -127,10 +126,6 @@ pub(super) fn now() -> u64 {
 
 pub(super) fn throttle(tenths: u64) -> Demand {
     Demand::Throttle(Throttle::from_tenths(tenths as u16).expect("0..=1000"))
-}
-
-pub(super) fn sim_line(line: Line) -> sim::line::Line {
-    sim::line::Line::with_bits(line.baud, line.bits_per_byte())
 }
 
 impl Rig {

@@ -4,7 +4,7 @@ use super::super::ecus;
 use super::super::oracle::{Oracle, Truth};
 use super::super::reader::Reader;
 use super::super::rng::Rng;
-use super::rig::{MS, Program, Rig, SECOND, Source, sim_line};
+use super::rig::{MS, Program, Rig, SECOND, Source};
 use embassy_time::Duration;
 use jetlink::command::Origin;
 use jetlink::engine::config::{Governor, Slew, Supervision};
@@ -54,7 +54,7 @@ pub(super) fn rig(rng: &mut Rng, port: u8, gap: Duration) -> Rig {
     supervision.start.gap = gap;
     let (mut config, ecu) = ecus::random(rng, port);
     config.supervision = supervision;
-    let line = sim_line(config.line);
+    let line = sim::line_of!(config.line);
     let ecu = ecu.on(line);
     let holds_rpm = ecus::holds_rpm(&ecu);
     let (protocol, parameters) = (ecu.protocol(), *ecu.turbine());
