@@ -328,6 +328,24 @@ pub enum Kind {
     Zk(u8),
 }
 
+impl Kind {
+    /// AMT has no checksums, error sets without a state, and replies in place of send slots.
+    pub const fn is_amt(self) -> bool {
+        match self {
+            Self::Amt => true,
+            Self::Zk(_) => false,
+        }
+    }
+
+    /// It continues as it was when the wire to it is cut.
+    pub const fn continues_without_commands(self) -> bool {
+        match self {
+            Self::Amt => false,
+            Self::Zk(version) => version >= 5,
+        }
+    }
+}
+
 /// The numbers that the node is configured with, and those of the ECU and turbine that the rules use.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Rules {
@@ -549,7 +567,7 @@ impl History {
     }
 
     pub fn is_amt(&self) -> bool {
-        self.rules.kind == Kind::Amt
+        self.rules.kind.is_amt()
     }
 
     /// The version of the ECU at an instant; 0 for AMT.

@@ -1,7 +1,7 @@
 //! How the engines of a world are configured, and what the judge knows of it. The ECUs are in `ecus/`.
 
 use crate::ecus;
-use crate::history::{Demanded, Kind, MS, PilotCommand, Rules, SECOND};
+use crate::history::{Demanded, MS, PilotCommand, Rules, SECOND};
 use crate::pilots::Rng;
 use embassy_time::Duration;
 use jetlink::command::{Command, Demand};
@@ -94,7 +94,7 @@ impl Setup {
     }
 
     pub fn is_amt(&self) -> bool {
-        self.rules.kind == Kind::Amt
+        self.rules.kind.is_amt()
     }
 
     pub fn name(&self) -> String {

@@ -163,7 +163,7 @@ impl<'a> Case<'a> {
         let blind = h.unpowered.longer(h.rules.boot).union(&h.mute).union(&boots);
         let (down, faults) = (h.down(), h.times(|sample| sample.fault));
         // With error sets an AMT ECU gives no state.
-        let dumb = if matches!(h.rules.kind, Kind::Amt) { faults.clone() } else { Spans::default() };
+        let dumb = if h.rules.kind.is_amt() { faults.clone() } else { Spans::default() };
         // A node that begins anew needs two reports; in a loop of resets it may never get them.
         let learns = down.longer(two_states(h));
         let silent = blind.union(&h.noise).union(&learns).union(&dumb);
@@ -182,7 +182,7 @@ impl<'a> Case<'a> {
     }
 
     pub const fn is_amt(&self) -> bool {
-        matches!(self.h.rules.kind, Kind::Amt)
+        self.h.rules.kind.is_amt()
     }
 
     /// A silence of the ECU that a node must see: three expected frames, the slot after them, and what is under way.

@@ -1,6 +1,6 @@
 //! What can be known from the commands alone of who commands an engine.
 
-use crate::history::{Cause, Commanded, Demanded, History, Kind, PilotCommand, Reset, SECOND};
+use crate::history::{Cause, Commanded, Demanded, History, PilotCommand, Reset, SECOND};
 
 /// The commands of each source by which it counts as received, in the order of time.
 #[derive(Clone, Debug)]
@@ -22,8 +22,7 @@ impl CommandLog {
         let mut commands: [Vec<(u64, PilotCommand)>; 4] = Default::default();
         // A speed that the ECU cannot hold, because another one was plugged in, is refused: to the node its source is silent.
         let refused = |commanded: &Commanded| {
-            let slow =
-                matches!(h.rules.kind, Kind::Zk(_)) && h.version(commanded.at) < 4 && !h.rules.governor;
+            let slow = !h.rules.kind.is_amt() && h.version(commanded.at) < 4 && !h.rules.governor;
             slow && matches!(commanded.command, PilotCommand::Run(Demanded::Rpm(_)))
         };
         for commanded in h.commanded.iter().filter(|commanded| !refused(commanded)) {

@@ -2,7 +2,7 @@
 
 use super::case::{Case, Rule, seconds};
 use super::control::{silences, to_fail_safe};
-use crate::history::{Cause, Demanded, Kind, MS, SECOND, Sent, Switch};
+use crate::history::{Cause, Demanded, MS, SECOND, Sent, Switch};
 use sim::turbine::Phase;
 
 /// From a new demand to the turbine's speed.
@@ -47,7 +47,7 @@ impl Case<'_> {
             }
             // A ZK ECU from version 5 continues as it was when the wire to it is cut: judged by the wire alone.
             let deaf = h.deaf.union(&h.noise).touches(from.saturating_sub(2 * SECOND), turbine.min(to));
-            if turbine >= to || deaf && matches!(rules.kind, Kind::Zk(5..)) || h.pwm.touches(from, to) {
+            if turbine >= to || deaf && rules.kind.continues_without_commands() || h.pwm.touches(from, to) {
                 continue;
             }
             let share = f64::from(rules.fail_safe) / 1000.0;

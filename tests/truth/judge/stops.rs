@@ -1,7 +1,7 @@
 //! Emergency stops, what the ECU's version knows, and frames that no document knows.
 
 use super::case::{Case, Rule, seconds};
-use crate::history::{Cause, Frame, Kind, MS, PilotCommand, SECOND, Sent, Spans, Switch};
+use crate::history::{Cause, Frame, MS, PilotCommand, SECOND, Sent, Spans, Switch};
 
 /// ZK's ClosePump.
 const CLOSE_PUMP: u8 = 13;
@@ -125,7 +125,7 @@ impl Case<'_> {
     /// Run by ID 6, rpm and services only where the ECU's version is known and allows them.
     pub(super) fn versions(&mut self) {
         let h = self.h;
-        if h.rules.kind == Kind::Amt {
+        if h.rules.kind.is_amt() {
             return;
         }
         let mut reported = 0;

@@ -9,6 +9,7 @@ use super::wire::{Frame, Switch, percent};
 use core::fmt;
 use jetlink::command::{Accepted, Command, Demand, Origin, Rejected};
 use jetlink::config::EngineConfig;
+use jetlink::ecu::EcuConfig;
 use jetlink::limit::Action;
 
 /// Two things at the same instant may come in either order.
@@ -313,7 +314,10 @@ const fn slot(origin: Origin) -> usize {
 
 impl Oracle {
     pub fn new(config: EngineConfig, speed_control: bool, idle_rpm: u32, max_rpm: u32) -> Self {
-        let amt = matches!(config.ecu, jetlink::ecu::EcuConfig::Amt(_));
+        let amt = match config.ecu {
+            EcuConfig::Amt(_) => true,
+            EcuConfig::Zk(_) => false,
+        };
         Self {
             config,
             amt,
