@@ -1,6 +1,8 @@
 //! One engine of a world: its ECU, its pilots, what goes wrong with it, and the history of all that.
 
+use crate::drills::Director;
 use crate::ecus::{self, Seen};
+use crate::fate::Blow;
 use crate::faults::{Disturber, Fault, Weather};
 use crate::history::{
     ByMavlink, Commanded, History, MS, Mark, PilotCommand, Pin, SECOND, Sample, Spans, Sticks,
@@ -55,6 +57,7 @@ pub struct EngineContext {
     pwm_since: Option<u64>,
     next_swap: u64,
     script: Script,
+    director: Option<Director>,
     valve: Valve,
     transmitter: Option<Transmitter>,
     /// Until when its autopilot sends nothing of its outputs.
@@ -70,6 +73,8 @@ pub enum Act {
     Once(usize, PilotCommand),
     /// This goes wrong for this long, µs.
     Fault(Fault, u64),
+    /// The same, beside what goes wrong already.
+    Beside(Fault, u64),
     /// Another ECU, of this version, is plugged in; without power for this long, µs.
     Swap(u8, u64),
 }
@@ -130,6 +135,18 @@ impl EngineContext {
         (context, halves)
     }
 
+    /// With a director in place of pilots and of what goes wrong by itself.
+    pub fn drilled(rng: &mut Rng, setup: Setup, in_a_group: bool) -> (Self, (WireRx, WireTx)) {
+        let director = Director::new(rng, &setup.rules, in_a_group);
+        let seed = rng.next();
+        let (mut context, halves) = Self::new(setup, seed, Disturber::idle());
+        context.director = Some(director);
+        if seed & 1 == 0 {
+            context.valve = Valve::new(Wiring::Latching);
+        }
+        (context, halves)
+    }
+
     /// With nothing but what a case has.
     pub fn scripted(setup: Setup, acts: Vec<(u64, Act)>) -> (Self, (WireRx, WireTx)) {
         let (mut context, halves) = Self::new(setup, 1, Disturber::idle());
@@ -152,6 +169,7 @@ impl EngineContext {
             pwm_since: None,
             next_swap: u64::MAX,
             script: Script::default(),
+            director: None,
             valve: Valve::new(Wiring::DelayOff),
             transmitter: None,
             outputs_silent_until: 0,
@@ -200,6 +218,7 @@ impl EngineContext {
         self.next_pilot()
             .min(self.disturber.next())
             .min(self.script.next())
+            .min(self.director.as_ref().map_or(u64::MAX, |director| director.next))
             .min(self.transmitter.as_ref().map_or(u64::MAX, |transmitter| transmitter.next))
     }
 
@@ -222,6 +241,7 @@ impl EngineContext {
             let off = rng.spread(50 * MS, 60 * SECOND);
             self.swap(rng, version, off);
         }
+        self.direct(rng);
         self.play_script(rng, owner);
         self.commands_now(rng, owner);
         self.transmit(rng, receiver);
@@ -276,6 +296,24 @@ impl EngineContext {
         self.valve.release(&mut self.history, now());
     }
 
+    /// The next steps of its drill come to pass.
+    fn direct(&mut self, rng: &mut Rng) {
+        let view = self.view();
+        let Some(director) = self.director.as_mut().filter(|director| view.now >= director.next) else {
+            return;
+        };
+        let (acts, notes) = director.play(rng, &view);
+        self.script.acts.extend(acts.into_iter().map(|act| (view.now, act)));
+        for text in notes {
+            self.note(text);
+        }
+    }
+
+    /// A reset of the node that belongs to its drill.
+    pub fn blow(&mut self) -> Option<Blow> {
+        self.director.as_mut()?.blow.take()
+    }
+
     fn play_script(&mut self, rng: &mut Rng, owner: Option<&Owner<'_>>) {
         let at = now();
         while let Some((_, act)) = self.script.acts.pop_front_if(|(when, _)| *when <= at) {
@@ -287,6 +325,10 @@ impl EngineContext {
                 Act::Once(source, command) => self.send_command(owner, source, command),
                 Act::Fault(fault, length) => {
                     self.disturber.begin(rng, &self.plug, &mut self.history, fault, at, at + length);
+                    self.note(format!("{fault} for {} ms", length / MS));
+                }
+                Act::Beside(fault, length) => {
+                    self.disturber.begin_beside(rng, &self.plug, fault, at, at + length);
                     self.note(format!("{fault} for {} ms", length / MS));
                 }
                 Act::Swap(version, off) => self.swap(rng, version, off),
@@ -382,10 +424,20 @@ impl EngineContext {
     /// What a pilot sees.
     pub fn view(&self) -> View {
         let at = now();
-        let (phase, egt) = self.plug.ecu(|ecu| (ecu.turbine().phase(), ecu.turbine().egt()));
+        let (phase, egt, rpm) = self.plug.ecu(|ecu| {
+            let turbine = ecu.turbine();
+            (turbine.phase(), turbine.egt(), turbine.rpm())
+        });
         let takes_rpm = self.history.version(at) >= 4;
         let rules = &self.history.rules;
-        View { now: at, phase, egt, cool: rules.egt_max, max_rpm: takes_rpm.then_some(rules.max_rpm as u32) }
+        View {
+            now: at,
+            phase,
+            egt,
+            rpm,
+            cool: rules.egt_max,
+            max_rpm: takes_rpm.then_some(rules.max_rpm as u32),
+        }
     }
 
     /// What the pilots command now reaches the node, if there is one.

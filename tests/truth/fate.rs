@@ -26,6 +26,8 @@ pub struct Blow {
 pub enum Fate {
     Random(Random),
     Script(VecDeque<Blow>),
+    /// What the drills of the engines come to.
+    Drills,
 }
 
 #[derive(Debug)]
@@ -50,14 +52,16 @@ impl Fate {
         match self {
             Self::Random(random) => Some(random.next(rng)),
             Self::Script(blows) => blows.pop_front(),
+            Self::Drills => None,
         }
     }
 
     /// One that comes sooner, because of what happens to an engine.
-    pub fn sooner(&mut self, rng: &mut Rng, contexts: &[EngineContext], than: u64) -> Option<Blow> {
+    pub fn sooner(&mut self, rng: &mut Rng, contexts: &mut [EngineContext], than: u64) -> Option<Blow> {
         match self {
             Self::Random(random) => random.in_trouble(rng, contexts, than),
             Self::Script(_) => None,
+            Self::Drills => contexts.iter_mut().find_map(EngineContext::blow),
         }
     }
 }

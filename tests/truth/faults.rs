@@ -35,8 +35,24 @@ pub enum Fault {
     Sensor(EgtSensor),
     /// One good frame that reports something else than what is so.
     OneWrongFrame,
+    /// One good frame that reports an engine at rest.
+    OneFrameAtRest,
     /// A signal on the PWM input of a ZK ECU.
     PwmSignal(bool),
+}
+
+impl Fault {
+    /// It is over as soon as it begins.
+    const fn is_momentary(self) -> bool {
+        matches!(
+            self,
+            Self::FlameOut
+                | Self::HotStarts(_)
+                | Self::NoLight(_)
+                | Self::OneWrongFrame
+                | Self::OneFrameAtRest
+        )
+    }
 }
 
 impl fmt::Display for Fault {
@@ -68,6 +84,7 @@ impl fmt::Display for Fault {
             Self::Sensor(EgtSensor::Short) => f.write_str("thermocouple shorted"),
             Self::Sensor(EgtSensor::Good) => f.write_str("thermocouple good"),
             Self::OneWrongFrame => f.write_str("one forged frame"),
+            Self::OneFrameAtRest => f.write_str("one forged frame: at rest"),
             Self::PwmSignal(true) => f.write_str("the PWM input commands run"),
             Self::PwmSignal(false) => f.write_str("the PWM input commands standby"),
         }
@@ -99,6 +116,8 @@ pub struct Disturber {
     next: u64,
     /// What is so now, and since and until when.
     current: Option<(Fault, u64, u64)>,
+    /// What is so beside it.
+    beside: Vec<(Fault, u64, u64)>,
     /// Chance of a dip of the supply in each start, in percent.
     dips_in_starts: u64,
     dipped: bool,
@@ -117,6 +136,7 @@ impl Disturber {
             weather,
             next: rng.wait(weather.between_faults()),
             current: None,
+            beside: Vec::new(),
             dips_in_starts: rng.pick(&[0, 0, 10, 40]),
             dipped: false,
             long: rng.percent(30),
@@ -132,6 +152,7 @@ impl Disturber {
             weather: Weather::Calm,
             next: u64::MAX,
             current: None,
+            beside: Vec::new(),
             dips_in_starts: 0,
             dipped: false,
             long: false,
@@ -202,6 +223,12 @@ impl Disturber {
             write_down(history, fault, from, now);
             notes.push(format!("over: {fault}"));
         }
+        while let Some(at) = self.beside.iter().position(|(.., until)| now >= *until) {
+            let (fault, from, _) = self.beside.swap_remove(at);
+            end(fault, plug);
+            write_down(history, fault, from, now);
+            notes.push(format!("over: {fault}"));
+        }
         let amt = history.is_amt();
         if self.current.is_none() && now >= self.next {
             self.next = now + rng.wait(self.weather.between_faults());
@@ -240,7 +267,8 @@ impl Disturber {
 
     /// Time of its next call.
     pub fn next(&self) -> u64 {
-        self.current.map_or(self.next, |(_, _, until)| until)
+        let beside = self.beside.iter().map(|(.., until)| *until).min().unwrap_or(u64::MAX);
+        self.current.map_or(self.next, |(_, _, until)| until).min(beside)
     }
 
     /// This goes wrong from now until then, in place of what does.
@@ -253,6 +281,10 @@ impl Disturber {
         now: u64,
         until: u64,
     ) {
+        if fault.is_momentary() {
+            begin(fault, rng, plug);
+            return write_down(history, fault, now, now + MS);
+        }
         if let Some((fault, from, _)) = self.current.take() {
             end(fault, plug);
             write_down(history, fault, from, now);
@@ -261,9 +293,15 @@ impl Disturber {
         self.current = Some((fault, now, until));
     }
 
+    /// This goes wrong from now until then, beside what does: a fault that the ECU reports, or its thermocouple.
+    pub fn begin_beside(&mut self, rng: &mut Rng, plug: &Plug<AnyEcu>, fault: Fault, now: u64, until: u64) {
+        begin(fault, rng, plug);
+        self.beside.push((fault, now, until));
+    }
+
     /// Ends what lasts, for the end of the history.
     pub fn finish(&mut self, history: &mut History, now: u64) {
-        if let Some((fault, from, _)) = self.current.take() {
+        for (fault, from, _) in self.current.take().into_iter().chain(self.beside.drain(..)) {
             write_down(history, fault, from, now);
         }
     }
@@ -308,6 +346,10 @@ fn begin(fault: Fault, rng: &mut Rng, plug: &Plug<AnyEcu>) {
             let frame = plug.ecu(|ecu| ecus::ecu(ecu).wrong_frame(rng));
             plug.inject_to_node(&frame);
         }
+        Fault::OneFrameAtRest => {
+            let frame = plug.ecu(|ecu| ecus::ecu(ecu).frame_at_rest());
+            plug.inject_to_node(&frame);
+        }
         Fault::PwmSignal(run) => plug.ecu(|ecu| ecus::ecu_mut(ecu).pwm_signal(Some(run))),
     }
 }
@@ -323,7 +365,11 @@ fn end(fault: Fault, plug: &Plug<AnyEcu>) {
         Fault::Error(_) => plug.ecu(|ecu| ecus::ecu_mut(ecu).report_fault(None)),
         Fault::Sensor(_) => plug.ecu(|ecu| ecu.turbine_mut().set_egt_sensor(EgtSensor::Good)),
         Fault::PwmSignal(_) => plug.ecu(|ecu| ecus::ecu_mut(ecu).pwm_signal(None)),
-        Fault::FlameOut | Fault::HotStarts(_) | Fault::NoLight(_) | Fault::OneWrongFrame => {}
+        Fault::FlameOut
+        | Fault::HotStarts(_)
+        | Fault::NoLight(_)
+        | Fault::OneWrongFrame
+        | Fault::OneFrameAtRest => {}
     }
 }
 
@@ -366,7 +412,7 @@ pub fn write_down(history: &mut History, fault: Fault, from: u64, to: u64) {
             }
         }
         Fault::Framing(_) => add(&mut history.noise),
-        Fault::OneWrongFrame => {
+        Fault::OneWrongFrame | Fault::OneFrameAtRest => {
             add(&mut history.noise);
             history.forged.push(from);
         }

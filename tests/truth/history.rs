@@ -388,6 +388,12 @@ pub struct Rules {
     pub pump_bound: u64,
     /// Time from the last command to the ECU's own stop: AMT's serial delay, ZK's loss time up to version 4.
     pub gives_up_after: u64,
+    /// What the node believes of the latter.
+    pub serial_delay: u64,
+    /// A frame to the ECU on the wire.
+    pub frame: u64,
+    /// The most that a governor may give, 0.1 %.
+    pub authority: u32,
     /// ID 0 alone does not keep a ZK ECU up to version 4 from giving up.
     pub gives_up_on_empty: bool,
     /// Number of reports after a power-up that still show the state before it.

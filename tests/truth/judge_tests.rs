@@ -2,6 +2,7 @@
 
 mod flight;
 mod mavlink;
+mod shape;
 mod silence;
 mod starts;
 mod sticks;
@@ -53,6 +54,9 @@ fn rules(kind: Kind) -> Rules {
         governor: false,
         pump_bound: 30 * SECOND,
         gives_up_after: 2 * SECOND,
+        serial_delay: 2 * SECOND,
+        frame: 50 * MS,
+        authority: 1000,
         gives_up_on_empty: false,
         stale: 0,
         boot: 300 * MS,

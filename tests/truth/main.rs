@@ -9,6 +9,7 @@
 
 mod cases;
 mod context;
+mod drills;
 mod ecus;
 mod fate;
 mod faults;

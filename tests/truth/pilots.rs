@@ -50,6 +50,7 @@ pub struct View {
     pub now: u64,
     pub phase: Phase,
     pub egt: f64,
+    pub rpm: f64,
     /// Below this exhaust temperature it may be started, °C.
     pub cool: f64,
     /// Highest speed, where the ECU takes an rpm demand.

@@ -41,6 +41,40 @@ impl Setup {
         Self { config, rules, line, ecu }
     }
 
+    /// The same for a world of drills: settings that matter are there more often, and the turbine is small and quick, so that an hour
+    /// has many starts.
+    pub fn drilled(mut self, rng: &mut Rng, count: usize) -> Self {
+        let all = &mut self.config.supervision;
+        all.start.egt_max = Celsius::from_tenths(rng.pick(&[1000, 2000, 2000]));
+        all.start.timeout = ms(rng.pick(&[120_000, 120_000, 120_000, 120_000, 6000]));
+        all.loss.hold = ms(rng.pick(&[1000, 1000, 300, 8000]));
+        all.loss.ramp = rng.pick(&[500, 500, 100, 2000]);
+        all.slew.up = rng.pick(&[None, None, Some(100), Some(500)]);
+        all.slew.down = rng.pick(&[None, None, Some(60), Some(200)]);
+        let action = rng.pick(&[Action::FailSafe, Action::FailSafe, Action::Standby]);
+        match rng.below(12) {
+            0..3 => {
+                let at = Some(Celsius::from_tenths(rng.pick(&[5500, 6200])));
+                all.limits.over_temperature = Limit { at, action };
+            }
+            3 | 6 => {
+                all.limits.over_speed = Limit { at: Some(Rpm::new(rng.pick(&[80_000, 100_000]))), action }
+            }
+            4 => all.limits.flame_out.action = Action::Standby,
+            5 => all.limits.ecu_fault = action,
+            _ => {}
+        }
+        if count > 1 {
+            all.when_other_fails = Some(rng.pick(&[300, 500, 800]));
+        }
+        if all.governor.is_none() && rng.percent(15) && !ecus::config(&self.ecu).holds_rpm() {
+            all.governor =
+                Some(Governor { authority: throttle(rng.pick(&[600, 1000])), ..Governor::DEFAULT });
+        }
+        ecus::quicken(rng, &mut self.config, &mut self.ecu);
+        Self::of(self.config, self.ecu, count)
+    }
+
     /// The same on another port.
     pub fn at_port(&self, port: u8) -> Self {
         Self { config: EngineConfig { port, ..self.config }, ..self.clone() }
@@ -213,6 +247,9 @@ fn rules(config: &EngineConfig, ecu: &AnyConfig, count: usize) -> Rules {
         governor: all.governor.is_some(),
         pump_bound: micros(all.service_time),
         gives_up_after: facts.gives_up_after / 1000,
+        serial_delay: facts.serial_delay / 1000,
+        frame: facts.frame / 1000,
+        authority: all.governor.map_or(1000, |governor| governor.authority.tenths().into()),
         gives_up_on_empty: facts.gives_up_on_empty,
         stale: facts.stale,
         boot: facts.boot / 1000 + 2 * MS,

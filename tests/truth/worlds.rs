@@ -47,6 +47,12 @@ fn words(memory: &RetainedMemory) -> &[AtomicU32] {
 /// Plays one world of this duration, s.
 pub fn run(seed: u64, seconds: u64) -> World {
     let mut rng = Rng(seed);
+    if is_drilled(seed) {
+        return match rng.below(10) {
+            0..8 => drilled::<1>(seed, &mut rng, seconds),
+            _ => drilled::<2>(seed, &mut rng, seconds),
+        };
+    }
     match rng.below(10) {
         0..7 => random::<1>(seed, &mut rng, seconds),
         7..9 => random::<2>(seed, &mut rng, seconds),
@@ -65,6 +71,22 @@ fn random<const N: usize>(seed: u64, rng: &mut Rng, seconds: u64) -> World {
     let vehicle = vehicle::SEEDS.contains(&seed);
     let vehicle = vehicle.then(|| Vehicle::random(seed, contexts.iter_mut().map(|(context, _)| context)));
     play::<N>(seed, rng, contexts, vehicle, fate, together, seconds * SECOND)
+}
+
+/// Half of the worlds are drills: one thing goes wrong at a time, one after the other.
+fn is_drilled(seed: u64) -> bool {
+    !vehicle::SEEDS.contains(&seed) && Rng(seed).next() & 1 == 0
+}
+
+fn drilled<const N: usize>(seed: u64, rng: &mut Rng, seconds: u64) -> World {
+    clock::reset();
+    let mut setups = settings::setups(rng, N);
+    let contexts = setups.drain(..).map(|setup| {
+        let setup = setup.drilled(rng, N);
+        EngineContext::drilled(rng, setup, N > 1)
+    });
+    let contexts = contexts.collect();
+    play::<N>(seed, rng, contexts, None, Fate::Drills, u64::MAX, seconds * SECOND)
 }
 
 /// Plays a case: what happens to each engine, and to the node.

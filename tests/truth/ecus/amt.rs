@@ -65,6 +65,17 @@ pub fn random(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {
     (config, AnyConfig::Amt(ecu))
 }
 
+/// A fault of it clears, and in some it waits for longer without a reply than the node believes.
+pub fn for_drills(rng: &mut Rng, engine: &mut EngineConfig, ecu: &mut AmtConfig) {
+    ecu.temper.trips_clear_after = Some(rng.spread(500, 10_000) * 1_000_000);
+    if let EcuConfig::Amt(amt) = &mut engine.ecu
+        && rng.percent(40)
+    {
+        amt.serial_delay = Duration::from_millis(2000);
+        ecu.serial_delay = rng.pick(&[5, 20]) * 1_000_000_000;
+    }
+}
+
 impl WorldEcu for AmtEcu {
     fn seen(&self) -> Seen {
         Seen { fault: self.errors() != 0, pwm: false, hidden: self.hides_that_it_runs() }
@@ -78,6 +89,10 @@ impl WorldEcu for AmtEcu {
         let status = rng.pick(&[0, 1, 2, 12]) << 3;
         vec![0xFF, status | rng.pick(&[1, 2, 4]), rng.below(200) as u8, rng.below(200) as u8, 0, 0]
     }
+
+    fn frame_at_rest(&self) -> Vec<u8> {
+        vec![0xFF, 4, 0, 0, 0, 0]
+    }
 }
 
 impl WorldConfig for AmtConfig {
@@ -90,6 +105,8 @@ impl WorldConfig for AmtConfig {
             period: self.period,
             round: 1,
             gives_up_after: self.serial_delay,
+            serial_delay: engine.serial_delay.as_micros() * 1000,
+            frame: self.line.byte_ns(5),
             gives_up_on_empty: false,
             boot: self.boot,
             start_throttle: engine.start_throttle.tenths().into(),

@@ -17,6 +17,19 @@ pub fn random(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {
     if rng.percent(45) { amt::random(rng, port) } else { zk::random(rng, port) }
 }
 
+/// Makes an engine start and cool quickly, and an AMT ECU that waits for longer than the node believes.
+pub fn quicken(rng: &mut Rng, engine: &mut EngineConfig, ecu: &mut AnyConfig) {
+    let turbine = match ecu {
+        AnyConfig::Amt(config) => &mut config.turbine,
+        AnyConfig::Zk(config) => &mut config.turbine,
+    };
+    (turbine.ignition_s, turbine.preheat_s, turbine.ramp_s, turbine.learn_s) = (1.5, 2.0, 5.0, 1.5);
+    turbine.cooling_s = rng.pick(&[8.0, 8.0, turbine.cooling_s]);
+    if let AnyConfig::Amt(config) = ecu {
+        amt::for_drills(rng, engine, config);
+    }
+}
+
 pub fn config(config: &AnyConfig) -> &dyn WorldConfig {
     match config {
         AnyConfig::Amt(config) => config,

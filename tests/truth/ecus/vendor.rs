@@ -29,6 +29,9 @@ pub trait WorldEcu {
 
     /// A frame that is well formed and not true: another state, or another version.
     fn wrong_frame(&self, rng: &mut Rng) -> Vec<u8>;
+
+    /// A frame that is well formed, and reports an engine at rest.
+    fn frame_at_rest(&self) -> Vec<u8>;
 }
 
 /// What the judge may know of an ECU.
@@ -40,6 +43,10 @@ pub struct Facts {
     pub round: u64,
     /// It stops its engine by itself without a command for this long.
     pub gives_up_after: Nanos,
+    /// What the node believes of it.
+    pub serial_delay: Nanos,
+    /// A frame to it on the wire.
+    pub frame: Nanos,
     /// A command without content does not prevent that.
     pub gives_up_on_empty: bool,
     pub boot: Nanos,

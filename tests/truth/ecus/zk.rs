@@ -88,6 +88,12 @@ impl WorldEcu for ZkEcu {
         frame.push(sim::zk::crc8(&frame));
         frame
     }
+
+    fn frame_at_rest(&self) -> Vec<u8> {
+        let mut frame = vec![0xF1, 0, 0, 0, 0, 0];
+        frame.push(sim::zk::crc8(&frame));
+        frame
+    }
 }
 
 impl WorldConfig for ZkConfig {
@@ -97,6 +103,8 @@ impl WorldConfig for ZkConfig {
             period: self.rate.period(),
             round: self.ids.len() as u64,
             gives_up_after: self.control_loss,
+            serial_delay: self.control_loss,
+            frame: self.line.byte_ns(5),
             gives_up_on_empty: !self.temper.empty_keeps_control,
             boot: self.boot,
             start_throttle: 0,

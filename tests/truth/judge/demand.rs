@@ -74,6 +74,32 @@ impl Case<'_> {
         false
     }
 
+    /// Nothing was received for longer than a gap since the frame before, or the transmitter hung: not for so long that the order is given
+    /// up, and with no reset.
+    fn doubted(&self, when: u64, at: u64) -> bool {
+        let h = self.h;
+        let most = if self.is_amt() { h.rules.serial_delay.saturating_sub(500 * MS) } else { u64::MAX };
+        let gap = self.blind.iter().any(|(from, to)| {
+            to > when && to <= at && (self.gap()..most).contains(&(to - from)) && at - when < most
+        });
+        let hung = h.stalls.iter().any(|stall| (when..at).contains(stall));
+        (gap || hung)
+            && !self.down.touches(when.saturating_sub(SECOND), at)
+            && !h.noise.touches(when.saturating_sub(SECOND), at)
+    }
+
+    /// A governor holds an rpm, and has for a while: one source commands nothing else.
+    pub(super) fn governed(&self, at: u64) -> bool {
+        let since = at.saturating_sub(8 * SECOND);
+        let mut commands =
+            self.h.commanded(since, at).iter().filter(|commanded| commanded.command.is_received());
+        let rpm = |commanded: &Commanded| matches!(commanded.command, PilotCommand::Run(Demanded::Rpm(_)));
+        self.h.rules.governor
+            && self.command_log.run_in_control(at).is_some()
+            && self.command_log.run_in_control(since).is_some()
+            && commands.all(rpm)
+    }
+
     pub(super) fn rate(&mut self) {
         let h = self.h;
         let rules = &h.rules;
@@ -120,10 +146,15 @@ impl Case<'_> {
                 };
                 // Two frames apart at most: what a frame reports was reckoned up to a slot before it began.
                 let time = (at - when) + rules.period + 20 * MS;
+                // Behind a gap it rises from what it was, whatever was commanded meanwhile.
+                let doubted = self.doubted(when, at);
+                let time = if doubted { time.min(2 * rules.period + 150 * MS) } else { time };
                 let risen = |rate: u32| f64::from(rate) * time as f64 / SECOND as f64 + STEP;
                 let slow = rules.slew_up.is_some_and(|slew| share > low + risen(slew));
-                let fast =
-                    share > low + risen(rules.rise) && !self.moved(when, at, low, risen(rules.rise), share);
+                // A governor has a rate of its own.
+                let governed = self.governed(when) && self.governed(at);
+                let fast = share > low + risen(rules.rise)
+                    && (doubted || governed || !self.moved(when, at, low, risen(rules.rise), share));
                 if (slow || fast) && share > idle + STEP {
                     self.verdict.finding(
                         Rule::Rate,

@@ -22,6 +22,13 @@ impl Case<'_> {
             Kind::Amt => 0,
             Kind::Zk(_) => ((h.rounds().0 - 1) * h.rules.period).saturating_sub(20 * MS),
         };
+        let given_up = |from: u64, to: u64| {
+            let waits = h.rules.serial_delay + 3 * h.rules.period + 300 * MS;
+            let noticed = to - from - self.down.within(from, to);
+            // The order is gone: two sets have to agree before the next reply.
+            if self.is_amt() && noticed > waits { h.rules.period - 20 * MS } else { 0 }
+        };
+        let gaps = gaps.map(|(from, to)| (from, to + given_up(from.saturating_sub(self.gap()), to)));
         let spans: Vec<_> = gaps.chain(damaged).map(|(from, to)| (from, to + confirms)).collect();
         // After a reset, too.
         let resets = h.resets.iter().map(|reset| (reset.up, reset.up + confirms));

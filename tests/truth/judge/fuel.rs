@@ -46,6 +46,13 @@ impl Case<'_> {
                 {
                     Some("the engine is not armed".into())
                 }
+                Some(commanded) if self.is_behind(commanded.source, commanded.at) => {
+                    Some("its source is behind another one".into())
+                }
+                Some(commanded) if self.is_new(commanded.at) => {
+                    Some("nothing was received of the ECU until just now".into())
+                }
+                _ if self.is_in_gap(at) => Some("nothing is received of the ECU".into()),
                 _ if lately(1200 * MS).iter().all(|sample| sample.phase != Phase::Standby) => {
                     Some("it is not in standby".into())
                 }
@@ -60,6 +67,30 @@ impl Case<'_> {
                 reported = at + 10 * SECOND;
             }
         }
+    }
+
+    /// A higher source has commanded for long, and does.
+    fn is_behind(&self, source: usize, at: u64) -> bool {
+        let rules = &self.h.rules;
+        let long = rules.recover_after + rules.takeover + SECOND;
+        let commands = |higher| {
+            let nothing = self.command_log.until(higher, at).iter().rev().take(40);
+            let nothing = nothing.clone().any(|(_, command)| *command == PilotCommand::Nothing);
+            !nothing && self.command_log.commands_since(higher, at).is_some_and(|since| at >= since + long)
+        };
+        (0..source).any(commands) && !self.down.touches(at.saturating_sub(long), at)
+    }
+
+    /// The line has not been up for long enough.
+    fn is_new(&self, at: u64) -> bool {
+        let stable = self.h.rules.link_stable.saturating_sub(300 * MS);
+        self.blind.iter().any(|(from, to)| to - from >= self.gap() && to <= at && at < to + stable)
+    }
+
+    /// Nothing is received, and that for long enough to know.
+    fn is_in_gap(&self, at: u64) -> bool {
+        let period = self.h.rules.period;
+        self.blind.iter().any(|(from, to)| at > from + self.gap() + 2 * period && at < to)
     }
 
     /// A pump that was opened is closed at its end, at any stop and disarm, and when its source falls silent.

@@ -354,8 +354,12 @@ impl Case<'_> {
             let doubted = reset.zip(damaged).is_some_and(|(reset, (from, _))| {
                 h.samples(reset.up + first, from).iter().all(|sample| sample.fault)
             });
+            // After a gap error sets do not say whether it is the same engine, and get no reply.
+            let gap = self.blind.last_before(at).filter(|(from, to)| to - from > 2 * h.rules.period);
+            let behind_gap = gap.is_some_and(|(_, to)| to < sets && faults(to));
             let unknown = self.is_amt()
                 && (doubted
+                    || behind_gap
                     || power.is_some_and(|reset| faults(reset.up))
                     || brown_out.is_some_and(|reset| unreadable(reset.up)));
             // An engine that was handed over is stopped by the loss of its PWM input, which is not the node's.
@@ -382,7 +386,7 @@ impl Case<'_> {
     }
 
     /// Whether a limit, or another engine, may hold the demand down at this instant.
-    fn reduced(&self, at: u64) -> bool {
+    pub(super) fn reduced(&self, at: u64) -> bool {
         let h = self.h;
         let since = self.runs.last_before(at).map_or(0, |(from, _)| from);
         // The fail-safe of a limit holds until standby.

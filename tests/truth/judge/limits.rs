@@ -2,7 +2,7 @@
 
 use super::case::{Case, Rule, seconds, two_states};
 use super::control::{CommandLog, silences};
-use crate::history::{Commanded, Demanded, MS, PilotCommand, SECOND, Sample, Spans, Switch};
+use crate::history::{Cause, Commanded, Demanded, MS, PilotCommand, SECOND, Sample, Spans, Switch};
 
 /// Beyond a limit by so much, for this long, an ECU has reported it twice: °C, rpm.
 const BEYOND: f64 = 12.0;
@@ -68,7 +68,35 @@ impl Case<'_> {
                     seconds(to)
                 );
                 self.verdict.finding(Rule::Limit, at, text);
+            } else if !standby {
+                self.stays_at_fail_safe(at, what);
             }
+        }
+    }
+
+    /// What a limit lowered stays low until standby is commanded, over resets too.
+    fn stays_at_fail_safe(&mut self, at: u64, what: &str) {
+        let h = self.h;
+        let rules = h.rules;
+        let Some((_, out)) = self.runs.last_before(at) else { return };
+        let ends =
+            |command| matches!(command, PilotCommand::Standby | PilotCommand::ShutDown | PilotCommand::Stop);
+        let ended = h.commanded(at.saturating_sub(5 * SECOND), out).iter().find(|other| ends(other.command));
+        let lost = h.resets.iter().find(|reset| reset.up > at && reset.cause != Cause::Watchdog);
+        // Nor does it last longer than the order.
+        let long = rules.serial_delay.saturating_sub(500 * MS);
+        let gone = self.blind.iter().find(|(from, to)| *to > at && to - from > long);
+        let until = ended.map_or(out, |ended| ended.at).min(lost.map_or(out, |lost| lost.down));
+        let until = until.min(gone.filter(|_| self.is_amt()).map_or(out, |(from, _)| from));
+        self.verdict.count("limits that hold a demand low", 1);
+        let high = |demanded| match demanded {
+            Demanded::Throttle(tenths) => f64::from(tenths) > f64::from(rules.fail_safe) + STEP,
+            Demanded::Rpm(rpm) => f64::from(rpm) > rules.idle_rpm + 0.006 * rules.max_rpm,
+        };
+        let frame = h.frames_within(at, until).iter().find(|frame| frame.sent.demand().is_some_and(high));
+        if let Some(frame) = frame {
+            let text = format!("{what} was beyond its limit, and {} is on the wire", frame.sent);
+            self.verdict.finding(Rule::Limit, frame.at, text);
         }
     }
 
@@ -77,7 +105,8 @@ impl Case<'_> {
         let h = self.h;
         let Some(part) = h.rules.when_other_fails else { return };
         let rules = &h.rules;
-        let fall = 1000 * SECOND / u64::from(rules.ramp.min(rules.slew_down.unwrap_or(rules.ramp)).max(1));
+        // Never slower than a loss.
+        let fall = 1000 * SECOND / u64::from(rules.ramp.max(1));
         let (mut reported, mut judged) = (0, 0);
         for frame in &h.frames {
             let at = frame.at;

@@ -2,7 +2,7 @@
 //! documented begins.
 
 use super::case::{Case, Rule, seconds};
-use crate::history::{MS, PilotCommand, SECOND, Spans, Switch};
+use crate::history::{Cause, Frame, MS, PilotCommand, SECOND, Spans, Switch};
 use sim::turbine::Phase;
 
 /// From a command to a turbine without fire, with every wire whole.
@@ -10,7 +10,8 @@ const OBEYS: u64 = 1500 * MS;
 /// A start that is commanded is on the wire by then.
 const GRANTED: u64 = SECOND;
 /// Everything that keeps an engine from a start is out of the way for this long before it.
-const READY: u64 = 8 * SECOND;
+const READY: u64 = 4 * SECOND;
+const STOP: &str = "an emergency stop";
 
 impl Case<'_> {
     /// Times in which nothing that the node sends can be relied on to reach the ECU.
@@ -24,13 +25,24 @@ impl Case<'_> {
         cut.longer(h.rules.listen + SECOND)
     }
 
+    /// The same for an emergency stop, which goes out by every way there is.
+    fn unreachable_for_stops(&self) -> Spans {
+        let h = self.h;
+        if self.is_amt() {
+            return self.unreachable();
+        }
+        let cut = h.deaf.union(&h.noise_to_ecu).union(&h.unpowered.longer(h.rules.boot));
+        cut.union(&self.down.longer(500 * MS))
+    }
+
     pub(super) fn goes_out(&mut self) {
         let h = self.h;
         let cut = self.unreachable();
+        let cut_for_stops = self.unreachable_for_stops();
         let mut ends: Vec<(u64, &str)> = Vec::new();
         for (from, to) in self.stopped.iter() {
             if to > from + OBEYS {
-                ends.push((from + OBEYS, "an emergency stop"));
+                ends.push((from + OBEYS, STOP));
             }
         }
         for commanded in h.commanded.iter().filter(|commanded| commanded.command == PilotCommand::ShutDown) {
@@ -46,6 +58,7 @@ impl Case<'_> {
             let lit = self.live.last_before(at).filter(|(from, to)| at < *to && *from + OBEYS <= at);
             let ignited = h.marks.iter().any(|(when, _)| (at - OBEYS..=at).contains(when));
             let pwm = h.pwm.touches(at.saturating_sub(2 * SECOND), at);
+            let cut = if what == STOP { &cut_for_stops } else { &cut };
             if at < reported || lit.is_none() || ignited || pwm || cut.touches(at - OBEYS, at) || at >= h.end
             {
                 continue;
@@ -61,6 +74,32 @@ impl Case<'_> {
             "shutdowns",
             h.commanded.iter().filter(|commanded| commanded.command == PilotCommand::ShutDown).count() as u64,
         );
+    }
+
+    /// What was shut down is not sent run again before a source commands it, over resets too, as long as something is retained.
+    pub(super) fn stays_out(&mut self) {
+        let h = self.h;
+        let mut shut: Vec<u64> = self.standbys();
+        let orders = h.commanded.iter().filter(|commanded| commanded.command == PilotCommand::ShutDown);
+        shut.extend(orders.map(|commanded| commanded.at));
+        shut.sort_unstable();
+        let mut done = 0;
+        for at in shut.into_iter().map(|at| at + 2 * h.rules.period + 300 * MS) {
+            if at < done || self.down.touches(at.saturating_sub(2 * SECOND), at) {
+                continue;
+            }
+            let again = |command| matches!(command, PilotCommand::Run(_) | PilotCommand::Pwm);
+            let since = at.saturating_sub(2 * h.rules.period + 300 * MS);
+            let next = h.commanded(since, h.end).iter().find(|commanded| again(commanded.command));
+            let lost = h.resets.iter().find(|reset| reset.up > at && reset.cause == Cause::PowerOn);
+            let until = next.map_or(h.end, |next| next.at).min(lost.map_or(h.end, |lost| lost.down));
+            done = until;
+            let run = |frame: &&Frame| frame.sent.switch() == Some(Switch::Run);
+            if let Some(frame) = h.frames_within(at, until).iter().find(run) {
+                let text = format!("run, and nobody has commanded it since standby at {}", seconds(since));
+                self.verdict.finding(Rule::Obeyed, frame.at, text);
+            }
+        }
     }
 
     /// Instants by which an engine has to be out, because whichever source commands has commanded nothing but standby for long enough,
@@ -156,7 +195,9 @@ impl Case<'_> {
             let services = services.clone().any(|commanded| {
                 matches!(commanded.command, PilotCommand::Service(_) | PilotCommand::Pwm | PilotCommand::Ctf)
             });
-            let still = samples.last().is_some_and(|sample| self.is_amt() || sample.rpm < 10_000.0);
+            // An AMT ECU has no state for cooling: the shaft has to stand.
+            let most = if self.is_amt() { 200.0 } else { 10_000.0 };
+            let still = h.samples(at.saturating_sub(SECOND), at).iter().all(|sample| sample.rpm < most);
             if !(settled && clear && quiet && armed && cold && still)
                 || services
                 || samples.is_empty()

@@ -2,7 +2,7 @@
 
 use super::case::{Case, Rule, seconds};
 use super::control::{silences, to_fail_safe};
-use crate::history::{Cause, Demanded, MS, SECOND, Sent, Switch};
+use crate::history::{Cause, Demanded, Frame, Kind, MS, PilotCommand, SECOND, Sent, Switch};
 use sim::turbine::Phase;
 
 /// From a new demand to the turbine's speed.
@@ -19,6 +19,8 @@ impl Case<'_> {
         let stages = to_fail_safe(h) + 300 * MS;
         for (from, to) in silences(h, stages) {
             self.no_start_in_silence(from, to);
+            self.no_rise_in_silence(from, to);
+            self.standby_in_doubt(from, to);
             let wire = self.fail_safe_by(from, to, stages);
             // In doubt a demand does not reach the engine (ZK): standby does, when the stages have run out.
             let hidden = self.blind.union(&h.noise).union(&self.down);
@@ -88,6 +90,96 @@ impl Case<'_> {
         }
     }
 
+    /// A lost demand never rises, nor does it when its source is there again, until that has been received for long enough.
+    fn no_rise_in_silence(&mut self, from: u64, to: u64) {
+        let h = self.h;
+        let rules = &h.rules;
+        let Some(last) = h.commanded(from, from).iter().rev().find(|last| last.command.is_received()) else {
+            return;
+        };
+        let age = rules.ages.into_iter().max().unwrap_or_default();
+        let lost = from + age + 2 * rules.period + 200 * MS;
+        let short = from + self.command_log.age(last.source) + rules.return_within + 300 * MS;
+        let again = h.commanded(to, to).iter().all(|again| again.source == last.source);
+        // Other settings after a reset.
+        let recovers =
+            if h.resets.is_empty() { rules.recover_after } else { rules.recover_after.min(300 * MS) };
+        let alone = h
+            .commanded(from.saturating_sub(30 * SECOND), from)
+            .iter()
+            .all(|other| other.source == last.source);
+        let until = if again && alone && to > short {
+            to + recovers.saturating_sub(2 * rules.period + 100 * MS)
+        } else {
+            to
+        };
+        let hidden = self.blind.union(&h.noise).union(&h.deaf).union(&self.down);
+        let since = from.saturating_sub(2 * SECOND);
+        if until <= lost || rules.governor || h.pwm.touches(since, until) {
+            return;
+        }
+        let spared = rules.when_other_fails.is_some()
+            && h.other_failed.touches(from.saturating_sub(8 * SECOND), until);
+        let mut before = None;
+        for frame in h.frames_within(lost, until) {
+            let Some(demanded) = frame.sent.demand() else { continue };
+            let share = self.share(demanded);
+            let rises = before.replace((demanded, share)).is_some_and(|(last, low)| {
+                core::mem::discriminant(&last) == core::mem::discriminant(&demanded) && share > low + 8.0
+            });
+            if spared || hidden.touches(since, frame.at) {
+                return;
+            }
+            if rises {
+                let text =
+                    format!("the demand rises to {demanded}, all sources silent since {}", seconds(from));
+                return self.verdict.finding(Rule::SilentWire, frame.at, text);
+            }
+        }
+    }
+
+    /// A ZK ECU that is not received gets standby when the stages of loss have run out.
+    fn standby_in_doubt(&mut self, from: u64, to: u64) {
+        let h = self.h;
+        let rules = &h.rules;
+        if self.is_amt() || h.pwm.touches(from.saturating_sub(60 * SECOND), to) {
+            return;
+        }
+        let age = rules.ages.into_iter().max().unwrap_or_default();
+        let stages = age + rules.hold + rules.standby_after.unwrap_or(RUN_OUT);
+        for (begins, ends) in h.mute.iter().filter(|(begins, ends)| *ends > from && *begins < to) {
+            let mut due = (from + stages).max(begins + self.gap()) + 3 * SECOND;
+            let mut resets = 0;
+            for reset in h.resets.iter().filter(|reset| reset.up > from) {
+                if reset.down >= due {
+                    break;
+                }
+                resets += 1;
+                due += reset.up - reset.down + 400 * MS;
+                if reset.cause != Cause::Watchdog {
+                    due = due.max(reset.up + rules.listen + stages + 3 * SECOND);
+                }
+            }
+            let until = due + SECOND;
+            let handed_over = h.commanded(0, from).iter().rev().take(2000);
+            let handed_over = handed_over.clone().any(|commanded| commanded.command == PilotCommand::Pwm);
+            if until > ends.min(to) || resets > 3 || handed_over || self.down.touches(due, until) {
+                continue;
+            }
+            self.verdict.count("standbys in doubt", 1);
+            let frames = h.frames_within(due, until);
+            let stops = |frame: &&Frame| matches!(frame.sent.switch(), Some(Switch::Standby | Switch::Stop));
+            if frames.iter().find(stops).is_none() {
+                let text = format!(
+                    "no standby, nothing received of the engine since {}, all sources silent since {}",
+                    seconds(begins),
+                    seconds(from)
+                );
+                return self.verdict.finding(Rule::SilentWire, due, text);
+            }
+        }
+    }
+
     /// It came up just now, perhaps with the throttle of a start.
     fn just_started(&self, at: u64) -> bool {
         self.h.samples(at.saturating_sub(SPIN_DOWN), at).iter().any(|sample| !sample.runs())
@@ -130,6 +222,8 @@ impl Case<'_> {
             }
             resets += 1;
             if resets > 3 {
+                // It resumes at the fail-safe.
+                by = by.min(reset.up + finds_out + 300 * MS);
                 break;
             }
             by += reset.up - reset.down.max(from) + finds_out;

@@ -129,6 +129,12 @@ impl Case<'_> {
         if h.unpowered.iter().any(outage) {
             return Some("its ECU was powered up just now".into());
         }
+        let back = |(from, to): (u64, u64)| {
+            to > at.saturating_sub(stable) && at >= from + self.gap() && to - from >= self.gap()
+        };
+        if h.mute.iter().any(back) {
+            return Some("nothing was received of it until just now".into());
+        }
         let last = |time: u64| h.samples(at.saturating_sub(time), at + 100 * MS);
         let coolest = last(1200 * MS).iter().map(|sample| sample.egt).fold(f64::MAX, f64::min);
         if at > 3 * SECOND && h.sensor.within(at - 3 * SECOND, at) == 3 * SECOND {
@@ -478,6 +484,9 @@ impl Case<'_> {
     /// because a lower demand was commanded.
     fn put_out_by_exhaust(&self, out: u64, at: u64) -> u64 {
         let h = self.h;
+        if h.sensor.contains(out) {
+            return at;
+        }
         // A thermocouple that broke since counts again once it has been hot.
         let broke = h.sensor.iter().map(|(from, _)| from).filter(|from| (out..at).contains(from)).min();
         let whole = broke.unwrap_or(at);

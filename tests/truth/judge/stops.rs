@@ -1,7 +1,7 @@
 //! Emergency stops, what the ECU's version knows, and frames that no document knows.
 
 use super::case::{Case, Rule, seconds};
-use crate::history::{Cause, Frame, MS, PilotCommand, SECOND, Sent, Spans, Switch};
+use crate::history::{Cause, Commanded, Frame, Kind, MS, PilotCommand, SECOND, Sent, Spans, Switch};
 
 /// ZK's ClosePump.
 const CLOSE_PUMP: u8 = 13;
@@ -41,7 +41,7 @@ impl Case<'_> {
                         Some((at, who.max(commanded.source)))
                     })
                 }
-                PilotCommand::Release => {
+                PilotCommand::Release if !self.refuses_release(commanded) => {
                     if let Some((from, _)) = open.take_if(|(_, who)| commanded.source <= *who) {
                         latches.push((from, commanded.at));
                     }
@@ -53,6 +53,19 @@ impl Case<'_> {
             latches.push((from, lost.next().map_or(self.h.end, |reset| reset.down)));
         }
         latches
+    }
+
+    /// A stop is not released with the demand up, nor while the ECU reports a running engine, or nothing.
+    fn refuses_release(&self, release: &Commanded) -> bool {
+        let h = self.h;
+        let at = release.at;
+        let since = at.saturating_sub(2500 * MS);
+        let up = |command| matches!(command, PilotCommand::Run(demanded) if !self.is_idle(demanded));
+        let up = self.command_log.fresh(release.source, at).is_some_and(up);
+        let received = !self.hidden.touches(since, at + 1) && !self.faults.touches(since, at + 1);
+        let runs = received && self.runs.within(since, at) == at - since;
+        let lost = at > 3 * SECOND && self.blind.within(since, at) == at - since;
+        up && !h.resets.iter().any(|reset| (since..at).contains(&reset.up)) || runs || lost
     }
 
     pub(super) fn stops(&mut self) {
@@ -74,6 +87,18 @@ impl Case<'_> {
             {
                 let text = format!("stopped at {}, and the pump is closed first", seconds(from));
                 self.verdict.finding(Rule::Stop, frame.at, text);
+            }
+            // ZK does not wait for the next slot, only for the frame that is being sent.
+            let at_once = from + 2 * h.rules.frame + 5 * MS;
+            let free =
+                !self.down.longer(700 * MS).touches(from, at_once) && !self.stalled().touches(from, at_once);
+            if !self.is_amt() && free && at_once < to && first_stop > at_once {
+                let text = format!(
+                    "stopped at {}, and the first stop is on the wire at {}",
+                    seconds(from),
+                    seconds(first_stop)
+                );
+                self.verdict.finding(Rule::Stop, at_once, text);
             }
             let mut closes = 0;
             let mut closed_last = false;
@@ -130,6 +155,7 @@ impl Case<'_> {
         }
         let mut reported = 0;
         for frame in &h.frames {
+            self.standby_by_mode(frame);
             let needed = match frame.sent {
                 // A stop and a standby go blind; older versions ignore them.
                 Sent::Mode(Some(Switch::Stop | Switch::Standby), _) | Sent::Action(CLOSE_PUMP) => continue,
@@ -155,6 +181,25 @@ impl Case<'_> {
             let text = format!("{} needs version {needed}, the ECU has {}", frame.sent, h.version(frame.at));
             self.verdict.finding(Rule::Version, frame.at, text);
             reported = frame.at + 10_000 * MS;
+        }
+    }
+}
+
+impl Case<'_> {
+    /// An older ECU whose engine is at rest gets standby by ID 1 alone (ZK-7).
+    fn standby_by_mode(&mut self, frame: &Frame) {
+        let h = self.h;
+        let since = frame.at.saturating_sub(12 * SECOND);
+        let new = h.versions.iter().any(|(at, _)| (since..=frame.at).contains(at));
+        let hidden = [&self.blind, &h.noise, &h.deaf, &self.down, &self.live, &self.stopped];
+        if matches!(frame.sent, Sent::Mode(Some(Switch::Standby), _))
+            && h.version(frame.at) < 4
+            && since > 0
+            && !new
+            && hidden.iter().all(|spans| !spans.touches(since, frame.at))
+        {
+            let text = "ID 6 with standby for an engine at rest, whose ECU does not know it".to_string();
+            self.verdict.finding(Rule::Version, frame.at, text);
         }
     }
 }

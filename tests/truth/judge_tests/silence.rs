@@ -164,7 +164,7 @@ fn with_all_sources_silent_a_demand_that_does_not_reach_the_engine_ends_in_stand
         }
     };
     story(true).passes();
-    story(false).breaks(&[Rule::SilentTurbine]);
+    story(false).breaks(&[Rule::SilentWire, Rule::SilentTurbine]);
 }
 
 /// With the wire to the ECU cut, standby is not obeyed. A node that has lost its memory continues with the throttle that it finds.
@@ -186,7 +186,7 @@ fn a_node_without_memory_resumes_with_the_throttle_that_it_finds() {
     };
     story(Cause::PowerOn, 500, false).breaks_beside(&[Rule::Doubt], &[]);
     story(Cause::PowerOn, 800, false).breaks_beside(&[Rule::Doubt], &[Rule::Rate]);
-    story(Cause::Watchdog, 500, false).breaks_beside(&[Rule::Doubt], &[Rule::Rate]);
+    story(Cause::Watchdog, 500, false).breaks_beside(&[Rule::Doubt], &[Rule::Obeyed, Rule::Rate]);
     story(Cause::PowerOn, 500, true).breaks_beside(&[Rule::Doubt], &[Rule::Rate]);
     // A throttle that has come to an ECU which holds a speed is not obeyed before the ID 6 that ends that. The throttle that it
     // reports is that of the speed.

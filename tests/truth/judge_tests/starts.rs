@@ -180,7 +180,7 @@ fn what_noise_commands_is_not_the_nodes() {
     };
     story(STANDBY, true).passes();
     story(STANDBY, false).breaks(&[Rule::Ignition]);
-    story(IDLE, true).breaks_beside(&[Rule::RunAtRest], &[Rule::Ignition]);
+    story(IDLE, true).breaks_beside(&[Rule::RunAtRest, Rule::Obeyed], &[Rule::Ignition]);
 }
 
 #[test]
@@ -282,7 +282,7 @@ fn an_ecu_that_was_powered_up_is_not_sent_run() {
             .wire(50.5, 55.0, STANDBY)
     };
     story(STANDBY).passes();
-    story(HALF).breaks(&[Rule::RunAtRest]);
+    story(HALF).breaks(&[Rule::RunAtRest, Rule::Doubt]);
 }
 
 #[test]
@@ -396,6 +396,8 @@ fn an_exhaust_that_falls_ends_the_run_of_an_engine_with_error_sets() {
     story(60.0, true).passes();
     story(69.0, true).breaks(&[Rule::RunAtRest]);
     story(69.0, true).with(|h| h.sensor = Spans::from(&[(50 * SECOND, 70 * SECOND)])).passes();
+    // Nor does it prove anything where it was broken before.
+    story(50.0, false).with(|h| h.sensor = Spans::from(&[(39 * SECOND, 70 * SECOND)])).passes();
     // Once it was broken, a cold value proves nothing before it has been hot.
     story(69.0, true).with(|h| h.sensor = Spans::from(&[(50 * SECOND, 52 * SECOND)])).passes();
 }
@@ -420,6 +422,15 @@ fn a_start_that_is_commanded_as_documented_begins() {
         .streams(2, 13.5, 16.0, PilotCommand::Standby)
         .passes();
     story(STANDBY).once(2, 13.0, PilotCommand::Disarm).passes();
+    // To an AMT ECU an engine is at rest when its shaft stands.
+    let coasts = |rpm| {
+        story(STANDBY).with(move |h| {
+            (h.rules.kind, h.rules.period, h.rules.round) = (AMT, 125 * MS, 1);
+            h.samples.iter_mut().for_each(|sample| sample.rpm = rpm);
+        })
+    };
+    coasts(0.0).breaks(&[Rule::Granted]);
+    coasts(1500.0).passes();
 }
 
 /// A brown-out disarms, but who had to disarm first may still have to: that memory can only stop.
@@ -456,6 +467,7 @@ fn a_first_set_that_is_stale_is_answered_while_the_shaft_turns() {
                 h.unpowered = Spans::from(&[(40 * SECOND, 45 * SECOND)]);
                 h.resets.push(Reset { down: 45_200 * MS, up: 45_350 * MS, cause: Cause::Watchdog });
                 h.rules.stale = 1;
+                h.rules.serial_delay = 10 * SECOND;
             })
             .turbine(40.0, 50.0, Phase::Cooling, rpm, 400.0)
             .streams(PILOT, 40.0, 50.0, PilotCommand::Run(Demanded::Throttle(500)))

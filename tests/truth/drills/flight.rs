@@ -1,0 +1,351 @@
+//! Drills in flight.
+
+use super::{Condition, Director, IDLE, Step, beside, fault, once, silent, stream, throttle};
+use crate::faults::Fault;
+use crate::history::{Cause, Kind, MS, PilotCommand, SECOND};
+use crate::pilots::Rng;
+use sim::turbine::EgtSensor;
+
+impl Director {
+    pub(super) fn in_flight(&self, rng: &mut Rng) -> (&'static str, Vec<Step>) {
+        let amt = self.is_amt();
+        if self.in_a_group && rng.percent(40) {
+            // It is the other ones that show what comes of it.
+            let length = rng.between(4, 14) * SECOND;
+            let wire = rng.pick(&[Fault::FlameOut, Fault::FlameOut, Fault::CutToNode]);
+            return ("an engine fails", vec![fault(wire, length), Step::Wait(length + 4 * SECOND)]);
+        }
+        match rng.below(100) {
+            0..12 => ("a gap", self.gap(rng)),
+            12..18 => ("damaged frames", self.damage(rng)),
+            18..34 => ("silence", self.silence(rng)),
+            34..42 => ("resets", self.resets(rng)),
+            42..50 => ("another source", self.another_source(rng)),
+            50..56 => ("stray words", self.stray_words(rng)),
+            56..62 => ("full throttle", self.full_throttle(rng)),
+            62..74 if amt => ("error sets", self.error_sets(rng)),
+            62..65 => (
+                "the ECU is off",
+                vec![fault(Fault::PowerOff, rng.spread(30 * MS, 3 * SECOND)), Step::Wait(4 * SECOND)],
+            ),
+            65..68 => ("the flame goes out", vec![fault(Fault::FlameOut, MS), Step::Wait(6 * SECOND)]),
+            68..74 => ("the stick", self.sticks(rng)),
+            74..82 => ("a stop", self.stop(rng)),
+            82..85 if amt => ("CTF", self.ctf(rng)),
+            82..88 => ("odd frames", self.odd_frames(rng)),
+            88..92 => ("the transmitter hangs", self.stall(rng)),
+            92..95 => ("present", self.present(rng)),
+            _ => ("standby over a reset", self.standby_over_a_reset(rng)),
+        }
+    }
+
+    pub(super) const fn is_amt(&self) -> bool {
+        matches!(self.rules.kind, Kind::Amt)
+    }
+
+    const fn age(&self) -> u64 {
+        self.rules.ages[self.main]
+    }
+
+    /// From the last command of the source that flies to the end of the hold.
+    const fn to_hold_end(&self) -> u64 {
+        self.age() + self.rules.hold
+    }
+
+    fn lower(&self, rng: &mut Rng) -> Option<usize> {
+        (self.main < 3).then(|| rng.between(self.main as u64 + 1, 4) as usize)
+    }
+
+    fn higher(&self, rng: &mut Rng) -> Option<usize> {
+        (self.main > 0).then(|| rng.below(self.main as u64) as usize)
+    }
+
+    fn cut(&self, rng: &mut Rng) -> (Fault, u64) {
+        let wire = rng.pick(&[Fault::CutToNode, Fault::CutToNode, Fault::CutBoth, Fault::CutToEcu]);
+        let patience = self.rules.gives_up_after;
+        let length = match rng.below(4) {
+            0 => rng.spread(50 * MS, SECOND),
+            1 => patience * rng.between(50, 88) / 100,
+            2 => rng.spread(SECOND, 8 * SECOND),
+            _ => rng.spread(2 * SECOND, 25 * SECOND),
+        };
+        // Most are such as the engine outlives.
+        let outlives = matches!(self.rules.kind, Kind::Zk(5..));
+        let length = if !outlives && rng.percent(85) { length.min(patience * 85 / 100) } else { length };
+        (wire, length)
+    }
+
+    /// A wire is cut, and the stick moves meanwhile, or another source comes, or all fall silent.
+    fn gap(&self, rng: &mut Rng) -> Vec<Step> {
+        let (wire, length) = self.cut(rng);
+        let before = length * rng.between(10, 95) / 100;
+        let meanwhile = match rng.below(6) {
+            0 | 1 => vec![stream(self.main, self.another(rng))],
+            2 => vec![silent(self.main)],
+            3 => vec![Step::Reset(Cause::Watchdog, rng.spread(5 * MS, 100 * MS))],
+            _ => Vec::new(),
+        };
+        let after = [Step::Wait(length - before + SECOND)];
+        [vec![fault(wire, length), Step::Wait(before)], meanwhile, after.to_vec()].concat()
+    }
+
+    fn damage(&self, rng: &mut Rng) -> Vec<Step> {
+        let patience = self.rules.gives_up_after;
+        let (what, length) = match rng.below(6) {
+            0..3 => (Fault::Framing(rng.pick(&[100_000, 500_000])), rng.spread(patience, 9500 * MS)),
+            3 => (Fault::Damage(true, false), rng.spread(SECOND, 9500 * MS)),
+            4 => (Fault::Damage(true, false), rng.between(12, 18) * SECOND),
+            _ => (Fault::Damage(false, true), patience * rng.between(50, 88) / 100),
+        };
+        vec![fault(what, length.max(MS)), Step::Wait(length + SECOND)]
+    }
+
+    /// The source falls silent: for less than its timeout, for a short gap, up to each of the stages of loss; and something happens
+    /// meanwhile.
+    fn silence(&self, rng: &mut Rng) -> Vec<Step> {
+        let mut steps = Vec::new();
+        if rng.percent(50) {
+            // Still rising.
+            steps.extend([stream(self.main, throttle(rng.pick(&[0, 200]))), Step::Wait(5 * SECOND)]);
+            steps.extend([
+                stream(self.main, throttle(rng.pick(&[900, 1000]))),
+                Step::Wait(rng.between(100, 1500) * MS),
+            ]);
+        }
+        let last = self.rules.standby_after.unwrap_or(10 * SECOND);
+        let all = self.to_hold_end() + 1000 * SECOND / u64::from(self.rules.ramp);
+        let length = match rng.below(6) {
+            0 => self.age() * rng.between(60, 130) / 100,
+            1 => self.age() + self.rules.return_within * rng.between(30, 90) / 100,
+            2 => self.age() + self.rules.return_within * rng.between(115, 300) / 100,
+            3 | 4 => all + rng.between(1000, 4000) * MS,
+            _ => all + last + rng.between(3, 8) * SECOND,
+        };
+        steps.push(silent(self.main));
+        let part = length * rng.between(10, 90) / 100;
+        let meanwhile = match rng.below(10) {
+            // Until after the last stage of loss.
+            0 | 7 if !self.is_amt() => {
+                let wire = rng.pick(&[Fault::CutToNode, Fault::CutBoth]);
+                let length = all + last + rng.between(6, 10) * SECOND;
+                vec![fault(wire, length), Step::Wait(length)]
+            }
+            0 => vec![fault(Fault::CutToNode, rng.spread(200 * MS, 8 * SECOND))],
+            1 | 2 => vec![Step::Reset(
+                rng.pick(&[Cause::Watchdog, Cause::Watchdog, Cause::BrownOut, Cause::PowerOn]),
+                rng.spread(5 * MS, 300 * MS),
+            )],
+            3 => (0..rng.between(2, 6))
+                .flat_map(|_| [Step::Reset(Cause::Watchdog, 20 * MS), Step::Wait(1100 * MS)])
+                .collect(),
+            4 => self.lower(rng).map_or(Vec::new(), |lower| vec![stream(lower, self.another(rng))]),
+            5 => self.lower(rng).map_or(Vec::new(), |lower| vec![stream(lower, PilotCommand::Standby)]),
+            6 => vec![stream(self.main, PilotCommand::Nothing)],
+            _ => Vec::new(),
+        };
+        let begins = if rng.percent(30) { 300 * MS } else { part };
+        steps.push(Step::Wait(begins));
+        steps.extend(meanwhile);
+        steps.push(Step::Wait(length.saturating_sub(begins)));
+        if rng.percent(50) {
+            // It comes back with more than before.
+            steps.extend([stream(self.main, throttle(1000)), Step::Wait(4 * SECOND)]);
+        }
+        steps
+    }
+
+    fn resets(&self, rng: &mut Rng) -> Vec<Step> {
+        let patience = self.rules.gives_up_after;
+        let mut steps = Vec::new();
+        let cause =
+            rng.pick(&[Cause::Watchdog, Cause::Watchdog, Cause::Watchdog, Cause::BrownOut, Cause::PowerOn]);
+        for _ in 0..rng.pick(&[1, 1, 1, 2, 4]) {
+            let down = rng.spread(5 * MS, patience / 4);
+            steps.push(match rng.below(10) {
+                0 => Step::AnotherEngine(down),
+                _ => Step::Reset(cause, down),
+            });
+            steps.push(Step::Wait(rng.spread(300 * MS, 4 * SECOND)));
+            if rng.percent(40) {
+                steps.push(stream(self.main, self.another(rng)));
+            }
+        }
+        steps
+    }
+
+    /// Another source comes, for a while or for good; and falls silent, or the first one does.
+    fn another_source(&self, rng: &mut Rng) -> Vec<Step> {
+        let lower = self.lower(rng);
+        let Some(other) = self.higher(rng).or(lower).filter(|_| rng.percent(70)).or(lower) else {
+            return Vec::new();
+        };
+        let close = match self.stick {
+            crate::history::Demanded::Throttle(tenths) => throttle(tenths.saturating_sub(30)),
+            rpm @ crate::history::Demanded::Rpm(_) => PilotCommand::Run(rpm),
+        };
+        let wants = if rng.percent(25) { close } else { self.another(rng) };
+        let mut steps = vec![stream(other, wants), Step::Wait(rng.spread(200 * MS, 10 * SECOND))];
+        match rng.below(4) {
+            0 => steps.extend([silent(self.main), Step::Wait(rng.between(4, 10) * SECOND)]),
+            1 => steps.push(Step::Reset(Cause::Watchdog, 20 * MS)),
+            2 => steps.extend([stream(other, self.another(rng)), Step::Wait(4 * SECOND)]),
+            _ => {}
+        }
+        steps.extend([silent(other), Step::Wait(rng.between(3, 9) * SECOND)]);
+        steps
+    }
+
+    /// Words that shut nothing down, and such as do.
+    fn stray_words(&self, rng: &mut Rng) -> Vec<Step> {
+        let other = rng.below(4) as usize;
+        match rng.below(7) {
+            0 => vec![once(self.main, PilotCommand::Standby), Step::Wait(2 * SECOND)],
+            1 => {
+                let apart = self.age().max(200 * MS) * rng.between(130, 300) / 100;
+                vec![
+                    silent(self.main),
+                    once(self.main, PilotCommand::Standby),
+                    Step::Wait(apart),
+                    once(self.main, PilotCommand::Standby),
+                ]
+            }
+            2 => vec![once(other, PilotCommand::Standby), Step::Wait(3 * SECOND)],
+            3 => vec![once(other, PilotCommand::ShutDown), silent(self.main), Step::Wait(3 * SECOND)],
+            4 => vec![once(other, PilotCommand::Disarm), Step::Wait(2 * SECOND)],
+            5 => vec![once(other, self.another(rng)), Step::Wait(3 * SECOND)],
+            _ => {
+                let Some(lower) = self.lower(rng) else { return Vec::new() };
+                let waits = self.to_hold_end() + self.rules.lower_standby_after + 3 * SECOND;
+                vec![
+                    stream(lower, PilotCommand::Standby),
+                    Step::Wait(2 * SECOND),
+                    silent(self.main),
+                    Step::Wait(waits * rng.between(40, 130) / 100),
+                ]
+            }
+        }
+    }
+
+    /// What a limit is passed with, and then less, and a reset.
+    fn full_throttle(&self, rng: &mut Rng) -> Vec<Step> {
+        let mut steps = vec![stream(self.main, throttle(1000)), Step::Wait(rng.between(8, 14) * SECOND)];
+        match rng.below(3) {
+            0 => steps.push(Step::Reset(Cause::Watchdog, 20 * MS)),
+            1 => steps.push(stream(self.main, throttle(200))),
+            _ => {}
+        }
+        steps.extend([Step::Wait(5 * SECOND), stream(self.main, throttle(800)), Step::Wait(5 * SECOND)]);
+        steps
+    }
+
+    /// An AMT ECU reports a fault in place of a state, and meanwhile the flame goes out, or not.
+    fn error_sets(&self, rng: &mut Rng) -> Vec<Step> {
+        let length = rng.spread(SECOND, 30 * SECOND);
+        let mut steps = vec![
+            beside(Fault::Error(rng.between(1, 18) as u8), length),
+            Step::Wait(rng.between(300, 2000) * MS),
+        ];
+        for _ in 0..rng.between(1, 3) {
+            steps.extend(match rng.below(8) {
+                0 | 1 => vec![fault(Fault::FlameOut, MS)],
+                2 => vec![beside(
+                    Fault::Sensor(rng.pick(&[EgtSensor::Open, EgtSensor::Short])),
+                    rng.spread(SECOND, 10 * SECOND),
+                )],
+                3 => vec![stream(self.main, throttle(0))],
+                4 => vec![stream(self.main, throttle(1000))],
+                5 => vec![Step::Reset(rng.pick(&[Cause::Watchdog, Cause::BrownOut]), 20 * MS)],
+                6 => vec![fault(Fault::CutToNode, rng.spread(300 * MS, self.rules.gives_up_after * 8 / 10))],
+                _ => vec![silent(self.main)],
+            });
+            steps.push(Step::Wait(rng.spread(300 * MS, 6 * SECOND)));
+        }
+        steps.push(Step::Wait(length.min(12 * SECOND)));
+        steps
+    }
+
+    fn sticks(&self, rng: &mut Rng) -> Vec<Step> {
+        let moves = (0..rng.between(2, 7)).flat_map(|_| {
+            let up = rng.pick(&[0, 200, 500, 1000]);
+            [stream(self.main, throttle(up)), Step::Wait(rng.spread(300 * MS, 6 * SECOND))]
+        });
+        moves.collect()
+    }
+
+    /// A stop, what must not release it, and a release.
+    fn stop(&self, rng: &mut Rng) -> Vec<Step> {
+        let mut steps = Vec::new();
+        match rng.below(4) {
+            0 => steps.push(fault(Fault::CutToEcu, rng.between(3000, 5000) * MS)),
+            1 => steps.push(fault(Fault::CutToNode, rng.between(3000, 6000) * MS)),
+            _ => {}
+        }
+        let by = rng.below(4) as usize;
+        steps.extend([Step::Wait(rng.spread(20 * MS, 2500 * MS)), once(by, PilotCommand::Stop)]);
+        for _ in 0..rng.between(1, 4) {
+            steps.push(Step::Wait(rng.spread(100 * MS, 3 * SECOND)));
+            steps.extend(match rng.below(6) {
+                0 => vec![once(3, PilotCommand::Release)],
+                1 => vec![once(by, PilotCommand::Release)],
+                // Its stick is up.
+                2 => vec![once(by, throttle(500)), once(by, PilotCommand::Release)],
+                3 => vec![stream(self.main, PilotCommand::Standby)],
+                4 => vec![
+                    Step::Reset(rng.pick(&[Cause::Watchdog, Cause::BrownOut]), 50 * MS),
+                    once(self.main, PilotCommand::Arm),
+                ],
+                _ => vec![stream(self.main, IDLE)],
+            });
+        }
+        steps.push(Step::Wait(2 * SECOND));
+        steps
+    }
+
+    fn ctf(&self, rng: &mut Rng) -> Vec<Step> {
+        vec![
+            once(self.main, PilotCommand::Ctf),
+            Step::Wait(500 * MS),
+            stream(self.main, self.another(rng)),
+            Step::Until(Condition::Out, self.rules.gives_up_after + 3 * SECOND),
+        ]
+    }
+
+    /// Reports of an engine at rest, with good ones between them: they do not agree.
+    fn odd_frames(&self, rng: &mut Rng) -> Vec<Step> {
+        // The state comes once in ten frames at most.
+        let apart = self.rules.period * if self.is_amt() { 22 } else { 100 } / 10;
+        (0..rng.between(1, 6)).flat_map(|_| [fault(Fault::OneFrameAtRest, MS), Step::Wait(apart)]).collect()
+    }
+
+    fn stall(&self, rng: &mut Rng) -> Vec<Step> {
+        let length = rng.spread(200 * MS, self.rules.gives_up_after * 8 / 10);
+        vec![
+            stream(self.main, throttle(rng.pick(&[0, 200]))),
+            Step::Wait(4 * SECOND),
+            fault(Fault::Stall, length),
+            Step::Wait(length / 2),
+            stream(self.main, throttle(1000)),
+            Step::Wait(length / 2 + 2 * SECOND),
+        ]
+    }
+
+    /// The source is there, and commands nothing.
+    fn present(&self, rng: &mut Rng) -> Vec<Step> {
+        let lasts = self.to_hold_end() + 1000 * SECOND / u64::from(self.rules.ramp) + 3 * SECOND;
+        vec![stream(self.main, PilotCommand::Nothing), Step::Wait(lasts * rng.between(20, 110) / 100)]
+    }
+
+    /// Standby, and the engine runs on because the wire to its ECU is cut: the node is reset, and must not run what it finds.
+    fn standby_over_a_reset(&self, rng: &mut Rng) -> Vec<Step> {
+        let length = rng.between(3000, 6000) * MS;
+        vec![
+            fault(Fault::CutToEcu, length),
+            Step::Wait(300 * MS),
+            stream(self.main, PilotCommand::Standby),
+            Step::Wait(1500 * MS),
+            silent(self.main),
+            Step::Reset(rng.pick(&[Cause::Watchdog, Cause::BrownOut]), 30 * MS),
+            Step::Wait(length),
+        ]
+    }
+}

@@ -1,0 +1,227 @@
+//! Drills of an engine at rest, and in a start.
+
+use super::{Condition, Director, IDLE, Step, beside, fault, once, silent, stream, throttle};
+use crate::faults::Fault;
+use crate::history::{Cause, MS, PilotCommand, SECOND};
+use crate::pilots::Rng;
+
+const OPEN_PUMP: PilotCommand = PilotCommand::Service(12);
+
+impl Director {
+    /// What is done with an engine that is ready, before its start.
+    pub(super) fn at_rest(&self, rng: &mut Rng) -> (&'static str, Vec<Step>) {
+        match (rng.below(10), self.is_amt()) {
+            (0..4, false) => ("the pump", self.pump(rng)),
+            (4, false) => ("services", self.services(rng)),
+            (5, false) => ("PWM", self.pwm(rng)),
+            (6, false) => ("another ECU", self.another_ecu(rng)),
+            (0..4, true) => ("a start that is refused", self.refused(rng)),
+            (4, true) => ("a start that fails", self.fails(rng)),
+            (5 | 7, _) => ("a start right behind a gap", self.behind_a_gap(rng)),
+            (8, _) => ("a start that is refused", self.refused(rng)),
+            _ => ("stop, arm, release", self.stop_and_release(rng)),
+        }
+    }
+
+    /// Its own standby again, with the engine as it is.
+    fn again(&self) -> Vec<Step> {
+        let others = (0..4).filter(|source| *source != self.main).map(silent);
+        let standby = [
+            stream(self.main, PilotCommand::Standby),
+            Step::Until(Condition::Out, 2 * SECOND),
+            Step::Until(Condition::Ready, 60 * SECOND),
+            once(self.main, PilotCommand::Arm),
+            Step::Wait(1500 * MS),
+        ];
+        others.chain(standby).collect()
+    }
+
+    fn pump(&self, rng: &mut Rng) -> Vec<Step> {
+        let mut steps = vec![once(self.main, OPEN_PUMP), Step::Wait(rng.spread(300 * MS, 5 * SECOND))];
+        if rng.percent(25) {
+            // For longer than it may be held open.
+            steps.extend((0..45).flat_map(|_| [once(self.main, OPEN_PUMP), Step::Wait(SECOND)]));
+        }
+        steps.extend(match rng.below(8) {
+            0 => vec![once(self.main, PilotCommand::Stop)],
+            1 => vec![once(self.main, PilotCommand::Disarm)],
+            2 => vec![silent(self.main), Step::Wait(self.rules.ages[self.main] + 4 * SECOND)],
+            3 => vec![
+                silent(self.main),
+                Step::Reset(rng.pick(&[Cause::Watchdog, Cause::BrownOut]), 50 * MS),
+                Step::Wait(4 * SECOND),
+            ],
+            4 => vec![
+                fault(Fault::CutToEcu, rng.spread(60 * MS, 900 * MS)),
+                once(self.main, PilotCommand::Disarm),
+            ],
+            5 => vec![stream(self.main, IDLE)],
+            6 => vec![stream(self.main, PilotCommand::Nothing), Step::Wait(4 * SECOND)],
+            _ => vec![once(3, PilotCommand::Stop), Step::Wait(400 * MS), once(0, PilotCommand::Stop)],
+        });
+        steps.extend([Step::Wait(5 * SECOND), once(0, PilotCommand::Release)]);
+        [steps, self.again()].concat()
+    }
+
+    fn services(&self, rng: &mut Rng) -> Vec<Step> {
+        let number = PilotCommand::Service(rng.pick(&[1, 2, 3, 4, 5, 12]));
+        let by = rng.below(4) as usize;
+        let steps = match rng.below(4) {
+            0 => vec![
+                fault(Fault::CutToNode, rng.spread(200 * MS, 2 * SECOND)),
+                Step::Wait(rng.spread(20 * MS, 2500 * MS)),
+                once(self.main, number),
+            ],
+            1 => vec![once(by, number)],
+            2 => vec![once(self.main, PilotCommand::Disarm), Step::Wait(300 * MS), once(self.main, number)],
+            _ => vec![
+                once(self.main, number),
+                Step::Wait(rng.spread(10 * MS, 200 * MS)),
+                stream(self.main, IDLE),
+            ],
+        };
+        [steps, vec![Step::Wait(5 * SECOND)], self.again()].concat()
+    }
+
+    fn pwm(&self, rng: &mut Rng) -> Vec<Step> {
+        let mut steps = vec![
+            beside(Fault::PwmSignal(rng.percent(80)), rng.between(10, 40) * SECOND),
+            silent(self.main),
+            once(self.main, PilotCommand::Standby),
+            once(self.main, PilotCommand::Pwm),
+            Step::Wait(rng.spread(300 * MS, 14 * SECOND)),
+        ];
+        steps.extend(match rng.below(4) {
+            0 => vec![Step::Reset(Cause::Watchdog, 30 * MS)],
+            1 => vec![fault(Fault::PowerOff, rng.spread(300 * MS, 3 * SECOND))],
+            2 => vec![once(rng.below(4) as usize, PilotCommand::Stop), Step::Wait(SECOND)],
+            _ => Vec::new(),
+        });
+        steps.extend([
+            Step::Wait(3 * SECOND),
+            stream(self.main, PilotCommand::Standby),
+            Step::Wait(3 * SECOND),
+        ]);
+        [steps, vec![once(0, PilotCommand::Release)], self.again()].concat()
+    }
+
+    fn refused(&self, rng: &mut Rng) -> Vec<Step> {
+        let mut steps = match rng.below(4) {
+            0 => vec![stream(self.main, throttle(rng.pick(&[50, 300])))],
+            1 => vec![once(self.main, PilotCommand::Disarm), Step::Wait(200 * MS), stream(self.main, IDLE)],
+            2 => vec![
+                beside(Fault::Error(rng.between(1, 18) as u8), rng.between(2, 5) * SECOND),
+                Step::Wait(1500 * MS),
+                stream(self.main, IDLE),
+            ],
+            // Its last word was run.
+            _ => vec![
+                stream(self.main, IDLE),
+                Step::Wait(300 * MS),
+                once(rng.below(4) as usize, PilotCommand::ShutDown),
+            ],
+        };
+        steps.extend([
+            Step::Wait(2 * SECOND),
+            once(self.main, PilotCommand::Arm),
+            stream(self.main, IDLE),
+            Step::Wait(4 * SECOND),
+        ]);
+        [steps, self.again()].concat()
+    }
+
+    fn fails(&self, rng: &mut Rng) -> Vec<Step> {
+        let mut steps = match rng.below(3) {
+            0 => vec![fault(Fault::HotStarts(true), MS)],
+            _ => vec![fault(Fault::NoLight(true), MS)],
+        };
+        steps.extend([stream(self.main, IDLE), Step::Wait(rng.between(12, 25) * SECOND)]);
+        steps.extend([fault(Fault::HotStarts(false), MS), fault(Fault::NoLight(false), MS)]);
+        [steps, self.again()].concat()
+    }
+
+    fn behind_a_gap(&self, rng: &mut Rng) -> Vec<Step> {
+        let length = rng.spread(300 * MS, 4 * SECOND);
+        let what = rng.pick(&[Fault::CutToNode, Fault::CutBoth, Fault::PowerOff]);
+        vec![
+            fault(what, length),
+            Step::Wait(length + rng.between(100, 900) * MS),
+            stream(self.main, IDLE),
+            Step::Wait(3 * SECOND),
+        ]
+    }
+
+    fn stop_and_release(&self, rng: &mut Rng) -> Vec<Step> {
+        let by = rng.below(4) as usize;
+        let mut steps = vec![once(by, PilotCommand::Stop), Step::Wait(500 * MS)];
+        if rng.percent(60) {
+            steps.push(Step::Reset(rng.pick(&[Cause::Watchdog, Cause::Watchdog, Cause::BrownOut]), 50 * MS));
+            steps.push(Step::Wait(2 * SECOND));
+        }
+        if rng.percent(60) {
+            steps.push(once(self.main, PilotCommand::Arm));
+        }
+        let releases = if rng.percent(70) { by } else { rng.below(4) as usize };
+        steps.extend([once(releases, PilotCommand::Release), Step::Wait(500 * MS)]);
+        if rng.percent(60) {
+            steps.push(once(self.main, PilotCommand::Arm));
+        }
+        steps.extend([Step::Wait(1500 * MS), stream(self.main, IDLE), Step::Wait(3 * SECOND)]);
+        steps.extend([once(0, PilotCommand::Release), once(0, PilotCommand::Disarm)]);
+        [steps, self.again()].concat()
+    }
+
+    fn another_ecu(&self, rng: &mut Rng) -> Vec<Step> {
+        let off = rng.spread(300 * MS, 5 * SECOND);
+        let swap = Step::Act(crate::context::Act::Swap(rng.between(1, 7) as u8, off));
+        [vec![swap, Step::Wait(off + rng.spread(200 * MS, 6 * SECOND))], self.again()].concat()
+    }
+
+    /// A start, and what happens in it.
+    pub(super) fn start(&mut self, rng: &mut Rng) -> (&'static str, Vec<Step>) {
+        self.stick = crate::history::Demanded::Throttle(0);
+        let runs = vec![Step::Until(Condition::Ends, 40 * SECOND), Step::Wait(2 * SECOND)];
+        let begin = vec![
+            stream(self.main, IDLE),
+            Step::Until(Condition::Starts, 6 * SECOND),
+            Step::Wait(rng.spread(300 * MS, 7 * SECOND)),
+        ];
+        let other = rng.below(4) as usize;
+        let (name, steps) = match rng.below(20) {
+            0 => ("disarm in a start", vec![once(other, PilotCommand::Disarm), Step::Wait(3 * SECOND)]),
+            1 => ("silence in a start", vec![silent(self.main), Step::Wait(rng.between(2, 25) * SECOND)]),
+            2 => (
+                "a reset in a start",
+                vec![
+                    Step::Reset(rng.pick(&[Cause::Watchdog, Cause::Watchdog, Cause::BrownOut]), 30 * MS),
+                    Step::Wait(SECOND),
+                    stream(self.main, throttle(500)),
+                ],
+            ),
+            3 => (
+                "a gap in a start",
+                vec![fault(
+                    rng.pick(&[Fault::CutToNode, Fault::CutBoth, Fault::CutToEcu]),
+                    rng.spread(100 * MS, 5 * SECOND),
+                )],
+            ),
+            4 => ("a dip in a start", vec![fault(Fault::PowerOff, rng.spread(50 * MS, 3 * SECOND))]),
+            5 | 6 => {
+                ("the stick is up in a start", vec![stream(self.main, throttle(rng.pick(&[400, 1000])))])
+            }
+            7 => ("a person ends a start", vec![once(other, PilotCommand::ShutDown), Step::Wait(3 * SECOND)]),
+            8 => (
+                "damaged frames in a start",
+                vec![fault(Fault::Framing(rng.pick(&[200_000, 500_000])), rng.spread(SECOND, 8 * SECOND))],
+            ),
+            9 => (
+                "a fault in a start",
+                vec![beside(Fault::Error(rng.between(1, 18) as u8), rng.spread(500 * MS, 8 * SECOND))],
+            ),
+            10 => ("the flame goes out in a start", vec![fault(Fault::FlameOut, MS)]),
+            11 => ("standby in a start", vec![once(other, PilotCommand::Standby), Step::Wait(SECOND)]),
+            _ => ("a start", Vec::new()),
+        };
+        (name, [begin, steps, runs].concat())
+    }
+}

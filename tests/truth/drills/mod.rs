@@ -1,0 +1,220 @@
+//! Drills: one thing goes wrong at a time, to an engine that is looked after sensibly before and after it. A director takes its engine
+//! from standby to a start, through one drill in flight after the other, to a shutdown, and again.
+
+mod flight;
+mod ground;
+
+use crate::context::Act;
+use crate::fate::Blow;
+use crate::faults::Fault;
+use crate::history::{Cause, Demanded, MS, PilotCommand, Rules, SECOND};
+use crate::pilots::{Rng, View};
+use sim::turbine::Phase;
+use std::collections::VecDeque;
+
+/// One step of a drill.
+#[derive(Clone, Copy, Debug)]
+pub enum Step {
+    Act(Act),
+    Wait(u64),
+    /// Waits until this is so, for this long at most.
+    Until(Condition, u64),
+    /// The node is reset, by this cause, and is away for this long.
+    Reset(Cause, u64),
+    /// The same, and it comes back as one that runs another engine.
+    AnotherEngine(u64),
+}
+
+/// What a drill waits for.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Condition {
+    /// The shaft stands, and it is cool enough for a start.
+    Ready,
+    Starts,
+    /// It runs, or is out.
+    Ends,
+    Out,
+}
+
+impl Condition {
+    fn holds(self, view: &View) -> bool {
+        match self {
+            Self::Ready => {
+                let at_rest = matches!(view.phase, Phase::Standby | Phase::Stopped);
+                at_rest && view.egt < view.cool - 12.0 && view.rpm < 200.0
+            }
+            Self::Starts => view.phase.is_starting(),
+            Self::Ends => view.phase == Phase::Running || !view.phase.is_live(),
+            Self::Out => !view.phase.is_live(),
+        }
+    }
+}
+
+fn stream(source: usize, command: PilotCommand) -> Step {
+    Step::Act(Act::Stream(source, Some(command)))
+}
+
+fn silent(source: usize) -> Step {
+    Step::Act(Act::Stream(source, None))
+}
+
+fn once(source: usize, command: PilotCommand) -> Step {
+    Step::Act(Act::Once(source, command))
+}
+
+fn fault(fault: Fault, length: u64) -> Step {
+    Step::Act(Act::Fault(fault, length))
+}
+
+fn beside(fault: Fault, length: u64) -> Step {
+    Step::Act(Act::Beside(fault, length))
+}
+
+fn throttle(tenths: u32) -> PilotCommand {
+    PilotCommand::Run(Demanded::Throttle(tenths))
+}
+
+const IDLE: PilotCommand = PilotCommand::Run(Demanded::Throttle(0));
+
+/// Takes an engine from drill to drill.
+#[derive(Debug)]
+pub struct Director {
+    rules: Rules,
+    /// There are other engines on the node.
+    in_a_group: bool,
+    /// The source that flies, and what it commands.
+    main: usize,
+    stick: Demanded,
+    /// Flies by shaft speed, where the ECU or a governor holds one.
+    by_rpm: bool,
+    /// Drills that still follow until the engine is shut down.
+    left: u64,
+    steps: VecDeque<Step>,
+    waits: Option<Condition>,
+    until: u64,
+    /// Time of its next step.
+    pub next: u64,
+    /// A reset that is due.
+    pub blow: Option<Blow>,
+}
+
+impl Director {
+    pub fn new(rng: &mut Rng, rules: &Rules, in_a_group: bool) -> Self {
+        Self {
+            rules: *rules,
+            in_a_group,
+            main: rng.below(4) as usize,
+            stick: Demanded::Throttle(0),
+            by_rpm: rng.percent(30),
+            left: 0,
+            steps: VecDeque::new(),
+            waits: None,
+            until: 0,
+            next: rng.below(SECOND),
+            blow: None,
+        }
+    }
+
+    /// What happens now, and notes for the log.
+    pub fn play(&mut self, rng: &mut Rng, view: &View) -> (Vec<Act>, Vec<String>) {
+        let (mut acts, mut notes) = (Vec::new(), Vec::new());
+        loop {
+            if view.now < self.until && !self.waits.is_some_and(|condition| condition.holds(view)) {
+                break;
+            }
+            (self.waits, self.until) = (None, 0);
+            let Some(step) = self.steps.pop_front() else {
+                let (name, steps) = self.drill(rng, view);
+                notes.push(format!("drill: {name}"));
+                self.steps.extend(steps);
+                continue;
+            };
+            match step {
+                Step::Act(act) => acts.push(act),
+                Step::Wait(time) => self.until = view.now + time,
+                Step::Until(condition, time) => {
+                    (self.waits, self.until) = (Some(condition), view.now + time);
+                }
+                Step::Reset(cause, down) => self.reset(view.now, cause, down, false),
+                Step::AnotherEngine(down) => self.reset(view.now, Cause::Watchdog, down, true),
+            }
+        }
+        self.next = if self.waits.is_some() { self.until.min(view.now + 50 * MS) } else { self.until };
+        (acts, notes)
+    }
+
+    fn reset(&mut self, now: u64, cause: Cause, down: u64, other_engine: bool) {
+        self.blow = Some(Blow { at: now, down, cause, with_ecu: false, other_settings: false, other_engine });
+        // Until the next look, and the node is away.
+        self.until = now + 60 * MS + down;
+    }
+
+    /// The next drill, by what the engine does.
+    fn drill(&mut self, rng: &mut Rng, view: &View) -> (&'static str, Vec<Step>) {
+        if view.phase == Phase::Running && self.left > 0 {
+            self.left -= 1;
+            self.stick = self.demand(rng, view);
+            let (name, steps) = self.in_flight(rng);
+            return (name, [self.fly(rng), steps, self.recover()].concat());
+        }
+        let (name, steps) = match view.phase {
+            // It runs, and nobody flies it any more.
+            phase if phase.is_live() => ("shutdown", Vec::new()),
+            _ if rng.percent(35) => self.at_rest(rng),
+            _ => ("", Vec::new()),
+        };
+        self.main = if rng.percent(20) { rng.below(4) as usize } else { self.main };
+        self.left = rng.between(2, 8);
+        let down = self.shut_down(rng);
+        let (start, begin) = self.start(rng);
+        (if name.is_empty() { start } else { name }, [down, steps, begin, self.recover()].concat())
+    }
+
+    /// A demand for a while.
+    fn demand(&self, rng: &mut Rng, view: &View) -> Demanded {
+        match view.max_rpm.or(self.rules.governor.then_some(100_000)) {
+            Some(max) if self.by_rpm => {
+                Demanded::Rpm((u64::from(max) * rng.between(45, 100) / 100) as u32 / 100 * 100)
+            }
+            _ => Demanded::Throttle(rng.pick(&[0, 200, 400, 600, 800, 1000])),
+        }
+    }
+
+    /// Another throttle than the one that is commanded.
+    fn another(&self, rng: &mut Rng) -> PilotCommand {
+        let others = [0, 100, 300, 500, 700, 900, 1000];
+        throttle(rng.pick(&others))
+    }
+
+    fn flies(&self) -> PilotCommand {
+        PilotCommand::Run(self.stick)
+    }
+
+    /// One source flies, and nobody else says anything, until everything has settled.
+    fn fly(&self, rng: &mut Rng) -> Vec<Step> {
+        let others = (0..4).filter(|source| *source != self.main).map(silent);
+        let settles = if rng.percent(40) { rng.between(8, 14) } else { rng.between(3, 6) };
+        others.chain([stream(self.main, self.flies()), Step::Wait(settles * SECOND)]).collect()
+    }
+
+    /// The same source goes on, so that what a drill leads to shows.
+    fn recover(&self) -> Vec<Step> {
+        let others = (0..4).filter(|source| *source != self.main).map(silent);
+        others.chain([stream(self.main, self.flies()), Step::Wait(5 * SECOND)]).collect()
+    }
+
+    /// Standby, until it is cool; now and then a stop has to be released.
+    fn shut_down(&self, rng: &mut Rng) -> Vec<Step> {
+        let others = (0..4).filter(|source| *source != self.main).map(silent);
+        let mut steps: Vec<Step> = others.collect();
+        steps.push(stream(self.main, PilotCommand::Standby));
+        steps.push(Step::Until(Condition::Out, 4 * SECOND));
+        // The highest source releases whatever stop there is.
+        steps.extend([once(0, PilotCommand::Release), once(0, PilotCommand::Disarm)]);
+        steps.push(stream(self.main, PilotCommand::Standby));
+        steps.push(Step::Until(Condition::Ready, 100 * SECOND));
+        steps.push(once(self.main, PilotCommand::Arm));
+        steps.push(Step::Wait(rng.pick(&[500, 2000, 6000, 9500]) * MS));
+        steps
+    }
+}

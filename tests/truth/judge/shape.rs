@@ -1,0 +1,162 @@
+//! What the demand may be while a start is under way, how fast it may fall, and how long orders of that kind last.
+
+use super::case::{Case, Rule, seconds};
+use crate::history::{Cause, Demanded, MS, Mark, PilotCommand, SECOND, Sent, Switch};
+use sim::turbine::Phase;
+
+/// Resolution of the wire, 0.1 %.
+const STEP: f64 = 8.0;
+
+impl Case<'_> {
+    /// Until the ECU reports a running engine the demand is idle, or the throttle of a start.
+    pub(super) fn start_throttle(&mut self) {
+        let h = self.h;
+        let most = f64::from(h.rules.start_throttle.max(h.rules.idle_band)) + STEP;
+        let early = |phase| matches!(phase, Phase::Ignition | Phase::Preheat | Phase::FuelRamp);
+        let mut reported = 0;
+        for frame in &h.frames {
+            let (at, Sent::Full(Switch::Run, tenths)) = (frame.at, frame.sent) else { continue };
+            if at < reported || f64::from(tenths) <= most || h.pwm.contains(at) {
+                continue;
+            }
+            let since = at.saturating_sub(h.rules.period + 150 * MS);
+            let Some((lit, out)) = self.live.last_before(since) else { continue };
+            // One that the ECU began itself, or right behind another, goes on at the demand that it had.
+            let again =
+                h.marks.iter().any(|(when, mark)| *mark == Mark::Relight && (lit..=at).contains(when));
+            let samples = h.samples(lit, at);
+            let before = self.runs.touches(lit.saturating_sub(6 * SECOND), at);
+            let forged = h.forged.iter().any(|forged| (lit..at).contains(forged));
+            if at >= out
+                || again
+                || before
+                || forged
+                || self.faults.touches(lit, at)
+                || h.noise.touches(lit, at)
+                || !samples.iter().all(|sample| early(sample.phase) && !sample.hidden)
+            {
+                continue;
+            }
+            let text = format!("{} for an engine that starts", frame.sent);
+            self.verdict.finding(Rule::Rate, at, text);
+            reported = at + 10 * SECOND;
+        }
+    }
+
+    /// A demand falls at its rate where one is set, for a source that is in control and stays so.
+    pub(super) fn fall(&mut self) {
+        let h = self.h;
+        let Some(rate) = h.rules.slew_down.filter(|_| !h.rules.governor) else { return };
+        let hidden = self.blind.union(&h.noise).union(&self.down).union(&h.deaf);
+        let mut before: Option<(u64, u32)> = None;
+        for frame in &h.frames {
+            let (at, Sent::Full(Switch::Run, tenths)) = (frame.at, frame.sent) else {
+                before = before.filter(|_| frame.sent.switch().is_none_or(|switch| switch == Switch::Run));
+                continue;
+            };
+            let Some((when, high)) = before.replace((at, tenths)) else { continue };
+            let falls = f64::from(rate) * (at - when + h.rules.period + 20 * MS) as f64 / SECOND as f64;
+            if f64::from(tenths) + falls + STEP >= f64::from(high) || at - when > 3 * h.rules.period {
+                continue;
+            }
+            let since = at.saturating_sub(6 * SECOND);
+            let commands = h.commanded(since, at);
+            let first = commands.first().map(|commanded| commanded.source);
+            // One source, and nothing but throttles.
+            let alone = commands.iter().all(|commanded| {
+                let throttle = matches!(commanded.command, PilotCommand::Run(Demanded::Throttle(_)));
+                Some(commanded.source) == first && (throttle || commanded.command == PilotCommand::Arm)
+            });
+            let fresh =
+                |source| self.command_log.commands_since(source, at).is_some_and(|from| from <= since);
+            if alone
+                && first.is_some_and(fresh)
+                && self.known_to_run(since)
+                && self.runs.contains(at)
+                && !self.reduced(at)
+                && !hidden.touches(since, at)
+            {
+                let [high, low] = [high, tenths].map(Demanded::Throttle);
+                let text = format!("the demand falls from {high} to {low} in {} ms", (at - when) / MS);
+                self.verdict.finding(Rule::Rate, at, text);
+            }
+        }
+    }
+
+    /// A governor gives no more than it may.
+    pub(super) fn authority(&mut self) {
+        let h = self.h;
+        for frame in h.frames.iter().filter(|_| h.rules.governor) {
+            let Sent::Full(Switch::Run, tenths) = frame.sent else { continue };
+            if tenths > h.rules.authority + STEP as u32
+                && self.governed(frame.at)
+                && self.known_to_run(frame.at)
+            {
+                let text = format!(
+                    "{} of a governor that may give {}",
+                    frame.sent,
+                    Demanded::Throttle(h.rules.authority)
+                );
+                return self.verdict.finding(Rule::HeldUp, frame.at, text);
+            }
+        }
+    }
+
+    /// CTF is sent until standby or a stop, whatever demand is commanded, and a reset does not take it back.
+    pub(super) fn ctf(&mut self) {
+        let h = self.h;
+        let mut since = None;
+        for frame in &h.frames {
+            match frame.sent {
+                Sent::Ctf => since = Some(frame.at),
+                Sent::Full(Switch::Standby | Switch::Stop, _) => since = None,
+                Sent::Full(Switch::Run, _) => {
+                    let Some(from) = since.take() else { continue };
+                    let ended = h.commanded(from.saturating_sub(SECOND), frame.at).iter().any(|commanded| {
+                        matches!(
+                            commanded.command,
+                            PilotCommand::Standby | PilotCommand::ShutDown | PilotCommand::Stop
+                        )
+                    });
+                    let lost = h
+                        .resets
+                        .iter()
+                        .any(|reset| reset.cause != Cause::Watchdog && (from..frame.at).contains(&reset.up));
+                    if !ended && !lost && self.blind.within(from, frame.at) < self.gap() {
+                        let text = format!("run, and CTF was on the wire at {}", seconds(from));
+                        self.verdict.finding(Rule::Obeyed, frame.at, text);
+                    }
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// A start that does not reach running ends after its time (AMT, whose ECU gives none of its own).
+    pub(super) fn start_ends(&mut self) {
+        let h = self.h;
+        let (mut began, mut last) = (None, None);
+        for frame in h.frames.iter().filter(|_| self.h.is_amt()) {
+            let Some(switch) = frame.sent.switch() else { continue };
+            let before = last.replace(switch);
+            if switch == Switch::Run && matches!(before, Some(Switch::Standby | Switch::Stop)) {
+                began = Some(frame.at);
+            }
+            let Some(from) = began.filter(|_| switch == Switch::Run) else {
+                began = None;
+                continue;
+            };
+            let late = frame.at > from + h.rules.start_timeout + 2 * SECOND;
+            let reached = |at: u64| {
+                let mut samples = h.samples(from, at).iter();
+                samples.any(|sample| matches!(sample.phase, Phase::Running | Phase::LearningIdle))
+            };
+            if late && !reached(frame.at) && !self.down.touches(from, frame.at) {
+                let text =
+                    format!("run, and the start at {} has not come to a running engine", seconds(from));
+                self.verdict.finding(Rule::RunAtRest, frame.at, text);
+                began = None;
+            }
+        }
+    }
+}

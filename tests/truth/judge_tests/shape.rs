@@ -1,0 +1,215 @@
+//! Histories by hand for the judge's rules: the shape of a demand, and orders that last.
+
+use super::*;
+
+fn run(tenths: u32) -> PilotCommand {
+    PilotCommand::Run(Demanded::Throttle(tenths))
+}
+
+fn sent(tenths: u32) -> Sent {
+    Sent::Full(Switch::Run, tenths)
+}
+
+fn runs(story: Story, until: f64) -> Story {
+    story.turbine(40.0, until, Phase::Running, 100_000.0, 500.0)
+}
+
+#[test]
+fn a_starting_engine_gets_the_throttle_of_a_start() {
+    let story = |tenths| {
+        ready(ZK5)
+            .streams(PILOT, 4.0, 10.0, run(0))
+            .streams(PILOT, 10.0, 20.0, run(600))
+            .wire(4.0, 12.0, IDLE)
+            .wire(12.0, 20.0, sent(tenths))
+            .mark(5.0, Mark::Ignition)
+            .turbine(5.0, 20.0, Phase::FuelRamp, 20_000.0, 400.0)
+    };
+    story(0).passes();
+    story(600).breaks_beside(&[], &[Rule::Rate]);
+}
+
+#[test]
+fn behind_a_gap_a_demand_does_not_jump() {
+    let story = |jumps: bool| {
+        let story = runs(flight(ZK5, 40.0), 50.0)
+            .streams(PILOT, 40.0, 40.5, run(500))
+            .streams(PILOT, 40.5, 50.0, run(1000))
+            .wire(40.0, 40.2, HALF)
+            .with(|h| h.mute = Spans::from(&[(40 * SECOND, 41 * SECOND)]));
+        match jumps {
+            true => story.wire(41.5, 50.0, sent(1000)),
+            false => story.ramp(41.5, 500, 1000).wire(42.6, 50.0, sent(1000)),
+        }
+    };
+    story(false).passes();
+    story(true).breaks(&[Rule::Rate]);
+}
+
+#[test]
+fn a_demand_falls_at_its_rate_where_one_is_set() {
+    let story = |slew| {
+        runs(flight(ZK5, 40.0), 50.0)
+            .streams(PILOT, 40.0, 50.0, run(200))
+            .wire(40.0, 50.0, sent(200))
+            .with(move |h| h.rules.slew_down = slew)
+    };
+    story(None).passes();
+    story(Some(200)).breaks(&[Rule::Rate]);
+}
+
+#[test]
+fn a_lost_demand_does_not_rise() {
+    let story = |again| {
+        runs(flight(ZK5, 40.0), 50.0)
+            .streams(PILOT, 48.0, 50.0, run(1000))
+            .ramp(41.5, 500, 0)
+            .wire(40.0, 41.5, HALF)
+            .wire(42.6, again, IDLE)
+            .ramp(again, 0, 300)
+    };
+    // It has to be received for 1 s before it is in control again.
+    story(49.2).passes();
+    story(48.2).breaks(&[Rule::SilentWire]);
+    story(46.0).breaks(&[Rule::SilentWire]);
+}
+
+#[test]
+fn an_engine_that_is_not_received_gets_standby_in_silence() {
+    let story = |from: f64| {
+        runs(flight(ZK5, 40.0), 70.0)
+            .wire(40.0, from, Sent::Nothing)
+            .wire(from, 70.0, STANDBY)
+            .with(|h| h.mute = Spans::from(&[(40 * SECOND, 70 * SECOND)]))
+    };
+    let beside = [Rule::SilentTurbine, Rule::ShutDown, Rule::Obeyed];
+    story(52.0).breaks_beside(&beside, &[]);
+    story(69.0).breaks_beside(&beside, &[Rule::SilentWire]);
+}
+
+#[test]
+fn a_stop_does_not_wait_for_a_slot() {
+    let story = |from: f64| {
+        flight(ZK5, 40.0)
+            .once(2, 40.0, PilotCommand::Stop)
+            .wire(40.0 + from, 45.0, STOP)
+            .turbine(40.0, 45.0, Phase::Stopped, 0.0, 400.0)
+            .with(|h| h.rules.frame = 10 * MS)
+    };
+    story(0.01).passes();
+    story(0.04).breaks(&[Rule::Stop]);
+}
+
+#[test]
+fn a_stop_is_not_released_in_flight_or_with_the_stick_up() {
+    let story = |phase, stick: Option<u32>| {
+        let story = flight(ZK5, 40.0)
+            .once(PILOT, 40.0, PilotCommand::Stop)
+            .wire(40.05, 45.0, STOP)
+            .once(PILOT, 45.0, PilotCommand::Release)
+            .wire(45.05, 50.0, STANDBY)
+            .turbine(40.0, 50.0, phase, 100_000.0, 400.0);
+        match stick {
+            Some(tenths) => story.streams(PILOT, 44.0, 45.0, run(tenths)),
+            None => story,
+        }
+    };
+    story(Phase::Stopped, None).passes();
+    story(Phase::Stopped, Some(0)).passes();
+    story(Phase::Stopped, Some(500)).breaks(&[Rule::Stop]);
+    story(Phase::Running, None).breaks_beside(&[Rule::Obeyed], &[Rule::Stop]);
+    let lost = |h: &mut History| h.mute = Spans::from(&[(41 * SECOND, 47 * SECOND)]);
+    story(Phase::Stopped, None).with(lost).breaks(&[Rule::Stop]);
+}
+
+#[test]
+fn a_service_is_not_that_of_a_source_behind_nor_into_a_new_line() {
+    let story = || {
+        ready(ZK5)
+            .once(3, 11.0, PilotCommand::Service(5))
+            .wire(4.0, 12.0, STANDBY)
+            .wire(11.05, 11.06, Sent::Action(5))
+            .turbine(5.0, 12.0, Phase::Standby, 0.0, 15.0)
+    };
+    story().passes();
+    story().streams(PILOT, 4.0, 12.0, PilotCommand::Standby).breaks(&[Rule::Service]);
+    let gap = |until: u64| move |h: &mut History| h.mute = Spans::from(&[(9 * SECOND, until * MS)]);
+    story().with(gap(10_200)).passes();
+    story().with(gap(10_800)).breaks(&[Rule::Service]);
+    story().with(gap(11_800)).breaks(&[Rule::Service]);
+}
+
+#[test]
+fn what_was_shut_down_stays_so_over_a_reset() {
+    let story = |cause, after: Sent| {
+        runs(flight(ZK5, 40.0), 60.0)
+            .once(PILOT, 40.0, PilotCommand::ShutDown)
+            .wire(40.05, 45.0, STANDBY)
+            .wire(46.0, 60.0, after)
+            .with(move |h| {
+                h.deaf = Spans::from(&[(39 * SECOND, 60 * SECOND)]);
+                h.resets.push(Reset { down: 45 * SECOND, up: 45_100 * MS, cause });
+            })
+    };
+    story(Cause::Watchdog, STANDBY).passes();
+    story(Cause::Watchdog, IDLE).breaks_beside(&[Rule::Doubt], &[Rule::Obeyed]);
+    story(Cause::PowerOn, IDLE).breaks_beside(&[Rule::Doubt], &[]);
+}
+
+#[test]
+fn ctf_is_not_taken_back_by_a_demand() {
+    let story = |last: Sent| {
+        runs(flight(AMT, 40.0), 43.0)
+            .once(PILOT, 40.0, PilotCommand::Ctf)
+            .streams(PILOT, 40.0, 43.0, run(500))
+            .wire(40.0, 41.0, Sent::Ctf)
+            .wire(41.0, 43.0, last)
+    };
+    story(Sent::Ctf).passes();
+    story(HALF).breaks(&[Rule::Obeyed]);
+}
+
+#[test]
+fn a_start_of_an_amt_engine_ends_after_its_time() {
+    let story = |time| {
+        started(AMT)
+            .turbine(RUNS as f64, 32.0, Phase::Running, 36_000.0, 500.0)
+            .with(move |h| h.rules.start_timeout = time * SECOND)
+    };
+    story(30).passes();
+    story(10).breaks_beside(&[Rule::Ignition], &[Rule::RunAtRest]);
+}
+
+#[test]
+fn a_governor_gives_no_more_than_it_may() {
+    let story = |tenths| {
+        runs(started(AMT), 60.0)
+            .turbine(RUNS as f64, 40.0, Phase::Running, 100_000.0, 500.0)
+            .streams(PILOT, 31.0, 60.0, PilotCommand::Run(Demanded::Rpm(100_000)))
+            .ramp(31.0, 0, tenths)
+            .wire(34.0, 60.0, sent(tenths))
+            .with(|h| (h.rules.governor, h.rules.authority) = (true, 600))
+    };
+    story(600).passes();
+    story(700).breaks(&[Rule::HeldUp]);
+}
+
+#[test]
+fn what_a_limit_lowered_stays_low_over_a_reset() {
+    let story = |after| {
+        flight(ZK5, 40.0)
+            .streams(PILOT, 40.0, 60.0, run(500))
+            .turbine(40.0, 50.0, Phase::Running, 100_000.0, 700.0)
+            .turbine(50.0, 60.0, Phase::Running, 60_000.0, 500.0)
+            .wire(40.0, 43.0, HALF)
+            .ramp(43.0, 500, 0)
+            .wire(44.1, 52.0, IDLE)
+            .wire(53.0, 60.0, after)
+            .with(|h| {
+                h.rules.limit_egt = Some((620.0, false));
+                h.resets.push(Reset { down: 52 * SECOND, up: 52_100 * MS, cause: Cause::Watchdog });
+            })
+    };
+    story(IDLE).passes();
+    story(HALF).breaks_beside(&[Rule::Rate], &[Rule::Limit]);
+}
