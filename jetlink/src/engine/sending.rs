@@ -41,7 +41,8 @@ impl Engine {
         };
         let config = self.config;
         let speed_control = self.link.speed_control().is_ok();
-        let Mode::Run(run) = &mut self.mode else { return };
+        // A hand-over has no demand, but may be in doubt.
+        let Mode::Run(run) = &mut self.mode else { return self.express(now) };
         run.own_speed_control |= speed_control;
         let plan = run.plan();
         let (demand, next) = run.shaper.demand(now, plan, &shape, &config);

@@ -32,6 +32,27 @@ fn a_hand_over_becomes_id_0_after_a_reset() {
     assert!(!sent.contains(&Wire::Pwm), "{} frames of SW 0", sent.len());
 }
 
+/// In doubt nothing is sent that could start an engine: SW 0 would give an ECU that restarted to a PWM input that commands run.
+#[test]
+fn zk_8_in_a_gap_nothing_hands_over() {
+    let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
+    scenario.fly_us(Command::Standby, Origin::Rc, 2 * SECOND);
+    scenario.command(Command::HandOverToPwm).unwrap();
+    for reports in [Reports::Starting, Reports::Running] {
+        scenario.reports(reports);
+    }
+    scenario.pass_us(2 * SECOND);
+    assert!(scenario.sent().contains(&Wire::Pwm));
+    scenario.reports = None;
+    scenario.pass_us(SECOND / 2);
+    scenario.bench.frames();
+    scenario.pass_us(2 * SECOND);
+    assert_eq!(scenario.sent(), [], "anything but ID 0");
+    // It goes on where the engine does.
+    scenario.reports(Reports::Running).pass_us(2 * SECOND);
+    assert!(scenario.sent().contains(&Wire::Pwm));
+}
+
 /// A brown-out under PWM: nobody commanded the engine over the wire, and jetlink takes it and brings it to idle.
 #[test]
 fn after_a_brown_out_no_run_overrules_the_pilots_pwm() {
