@@ -317,7 +317,10 @@ impl LimitMonitor {
         if self.history.is_full() {
             self.history.pop_front();
         }
-        let sample = Sample { at: now, rpm: self.rpm_filtered, egt: self.egt_filtered };
+        // Among error sets no shaft speed comes: an old one must not count as lost later.
+        let since = self.history.back().map(|last| last.at);
+        let rpm = self.rpm_filtered.filter(|_| self.rpm_seen > since);
+        let sample = Sample { at: now, rpm, egt: self.egt_filtered };
         let _ = self.history.push_back(sample);
     }
 }

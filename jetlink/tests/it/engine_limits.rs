@@ -254,6 +254,27 @@ fn zk_a_demand_that_was_lowered_in_a_gap_explains_a_fall_after_it() {
     }
 }
 
+/// AMT error sets carry no shaft speed: what the demand took of it meanwhile was not lost since the last of them.
+#[test]
+fn amt_a_fall_among_error_sets_is_no_flame_out() {
+    let fall = |fault: u8, lowered: u8| {
+        let mut scenario = running(Ecu::Amt, |limits| limits.low_rpm = Limit::NONE);
+        scenario.values.rpm = Some(20_000);
+        burns(&mut scenario);
+        scenario.fly_us(run(50), Origin::Rc, 10 * SECOND);
+        scenario.values.fault = fault;
+        scenario.fly_us(run(50), Origin::Rc, SECOND);
+        scenario.fly_us(run(lowered), Origin::Rc, 10 * SECOND);
+        scenario.bench.events();
+        (scenario.values.fault, scenario.values.rpm) = (0, Some(12_000));
+        scenario.fly_us(run(lowered), Origin::Rc, 2 * SECOND);
+        scenario.limits()
+    };
+    assert_eq!(fall(2, 20), []);
+    // Between two sets that carry it, it is one.
+    assert_eq!(fall(0, 50), [LimitKind::FlameOut]);
+}
+
 /// One odd shaft speed is no flame-out, whatever it is, and with or without a limit for what is plausible.
 #[test]
 fn one_odd_shaft_speed_is_no_flame_out() {
