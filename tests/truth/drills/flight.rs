@@ -70,9 +70,15 @@ impl Director {
             _ => rng.spread(2 * SECOND, 25 * SECOND),
         };
         // Most are such as the engine outlives.
-        let outlives = matches!(self.rules.kind, Kind::Zk(5..));
-        let length = if !outlives && rng.percent(85) { length.min(patience * 85 / 100) } else { length };
-        (wire, length)
+        (wire, if rng.percent(85) { self.outlived(length) } else { length })
+    }
+
+    /// A cut for no longer than the ECU puts up with.
+    fn outlived(&self, length: u64) -> u64 {
+        match self.rules.kind {
+            Kind::Zk(5..) => length,
+            _ => length.min(self.rules.gives_up_after * 85 / 100),
+        }
     }
 
     /// A wire is cut, and the stick moves meanwhile, or another source comes, or all fall silent.
@@ -276,7 +282,7 @@ impl Director {
     fn stop(&self, rng: &mut Rng) -> Vec<Step> {
         let mut steps = Vec::new();
         match rng.below(4) {
-            0 => steps.push(fault(Fault::CutToEcu, rng.between(3000, 5000) * MS)),
+            0 => steps.push(fault(Fault::CutToEcu, self.outlived(rng.between(3000, 5000) * MS))),
             1 => steps.push(fault(Fault::CutToNode, rng.between(3000, 6000) * MS)),
             _ => {}
         }
@@ -337,12 +343,12 @@ impl Director {
 
     /// Standby, and the engine runs on because the wire to its ECU is cut: the node is reset, and must not run what it finds.
     fn standby_over_a_reset(&self, rng: &mut Rng) -> Vec<Step> {
-        let length = rng.between(3000, 6000) * MS;
+        let length = self.outlived(rng.between(3000, 6000) * MS);
         vec![
             fault(Fault::CutToEcu, length),
             Step::Wait(300 * MS),
             stream(self.main, PilotCommand::Standby),
-            Step::Wait(1500 * MS),
+            Step::Wait(700 * MS),
             silent(self.main),
             Step::Reset(rng.pick(&[Cause::Watchdog, Cause::BrownOut]), 30 * MS),
             Step::Wait(length),

@@ -209,8 +209,9 @@ impl Director {
         let mut steps: Vec<Step> = others.collect();
         steps.push(stream(self.main, PilotCommand::Standby));
         steps.push(Step::Until(Condition::Out, 4 * SECOND));
-        // The highest source releases whatever stop there is.
-        steps.extend([once(0, PilotCommand::Release), once(0, PilotCommand::Disarm)]);
+        // The highest source releases whatever stop there is, and who flies has to disarm after one.
+        steps.push(Step::Wait(700 * MS));
+        steps.extend([once(0, PilotCommand::Release), once(self.main, PilotCommand::Disarm)]);
         steps.push(stream(self.main, PilotCommand::Standby));
         steps.push(Step::Until(Condition::Ready, 100 * SECOND));
         steps.push(once(self.main, PilotCommand::Arm));

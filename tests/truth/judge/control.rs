@@ -1,6 +1,6 @@
 //! What can be known from the commands alone of who commands an engine.
 
-use crate::history::{Cause, Commanded, Demanded, History, PilotCommand, Reset, SECOND};
+use crate::history::{Cause, Commanded, Demanded, History, Kind, PilotCommand, Reset, SECOND, Switch};
 
 /// The commands of each source by which it counts as received, in the order of time.
 #[derive(Clone, Debug)]
@@ -190,11 +190,19 @@ fn armed(h: &History, brown_out_forgets: bool) -> Vec<(u64, bool)> {
                 }
                 all.push((commanded.at, false));
             }
-            PilotCommand::Release => latched = latched.filter(|by| commanded.source > *by),
+            PilotCommand::Release if brown_out_forgets || is_released(h, commanded.at) => {
+                latched = latched.filter(|by| commanded.source > *by);
+            }
             _ => {}
         }
     }
     all
+}
+
+/// Whether a release that was commanded then took effect: something else than a stop is on the wire.
+fn is_released(h: &History, at: u64) -> bool {
+    let mut frames = h.frames_within(at + 2 * h.rules.period, at + SECOND).iter();
+    frames.find_map(|frame| frame.sent.switch()).is_some_and(|switch| switch != Switch::Stop)
 }
 
 /// When all sources were silent: from the last command to the next, or to the end.

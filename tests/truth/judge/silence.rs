@@ -97,8 +97,6 @@ impl Case<'_> {
         let Some(last) = h.commanded(from, from).iter().rev().find(|last| last.command.is_received()) else {
             return;
         };
-        let age = rules.ages.into_iter().max().unwrap_or_default();
-        let lost = from + age + 2 * rules.period + 200 * MS;
         let short = from + self.command_log.age(last.source) + rules.return_within + 300 * MS;
         let again = h.commanded(to, to).iter().all(|again| again.source == last.source);
         // Other settings after a reset.
@@ -108,6 +106,10 @@ impl Case<'_> {
             .commanded(from.saturating_sub(30 * SECOND), from)
             .iter()
             .all(|other| other.source == last.source);
+        // One that was not alone may have taken over.
+        let age = rules.ages.into_iter().max().unwrap_or_default();
+        let age = if alone { self.command_log.age(last.source) } else { age };
+        let lost = from + age + 2 * rules.period + 200 * MS;
         let until = if again && alone && to > short {
             to + recovers.saturating_sub(2 * rules.period + 100 * MS)
         } else {
@@ -115,7 +117,9 @@ impl Case<'_> {
         };
         let hidden = self.blind.union(&h.noise).union(&h.deaf).union(&self.down);
         let since = from.saturating_sub(2 * SECOND);
-        if until <= lost || rules.governor || h.pwm.touches(since, until) {
+        // One that is present, and commands nothing, is not lost.
+        let present = h.commanded(from, to).iter().any(|other| other.command == PilotCommand::Nothing);
+        if until <= lost || present || rules.governor || h.pwm.touches(since, until) {
             return;
         }
         let spared = rules.when_other_fails.is_some()

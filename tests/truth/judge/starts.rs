@@ -319,6 +319,8 @@ impl Case<'_> {
                 let lowered = self.last_lowered(out.saturating_sub(LOWERED), at);
                 let counts = lowered.map_or(out, |lowered| out.max(lowered + LOWERED));
                 let since = h.samples(out, at.saturating_sub(100 * MS));
+                // Nor can what is not measured.
+                let unmeasured = h.sensor.contains(out);
                 let up =
                     h.resets.iter().map(|reset| reset.up).filter(|up| *up <= at).max().unwrap_or_default();
                 // Without a flame the shaft turns on for a while, and may be reported as running.
@@ -333,9 +335,10 @@ impl Case<'_> {
                     && !since.is_empty()
                     && since.iter().any(|sample| sample.fault)
                     && before.iter().all(|sample| sample.fault)
-                    && since.iter().all(|sample| sample.egt > 290.0)
+                    && since.iter().all(|sample| sample.egt > 290.0 || sample.at < counts || unmeasured)
                     // Nor does a node see the exhaust fall that is reset again before it has.
-                    && (self.longest_up(counts, at.saturating_sub(100 * MS)) < 4 * SECOND
+                    && (unmeasured
+                        || self.longest_up(counts, at.saturating_sub(100 * MS)) < 4 * SECOND
                         || self.fallen(counts.max(up), at).is_none())
             });
             if let Some(out) = out.filter(|_| tripped) {

@@ -92,6 +92,10 @@ impl Case<'_> {
             let at_once = from + 2 * h.rules.frame + 5 * MS;
             let free =
                 !self.down.longer(700 * MS).touches(from, at_once) && !self.stalled().touches(from, at_once);
+            // One that is latched already is in every slot.
+            let before = &h.frames[..h.frames.partition_point(|frame| frame.at < from)];
+            let before = before.iter().rev().find_map(|frame| frame.sent.switch());
+            let free = free && before != Some(Switch::Stop);
             if !self.is_amt() && free && at_once < to && first_stop > at_once {
                 let text = format!(
                     "stopped at {}, and the first stop is on the wire at {}",

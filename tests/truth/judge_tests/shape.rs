@@ -72,6 +72,8 @@ fn a_lost_demand_does_not_rise() {
     story(49.2).passes();
     story(48.2).breaks(&[Rule::SilentWire]);
     story(46.0).breaks(&[Rule::SilentWire]);
+    // Who is present is not lost.
+    story(48.2).streams(PILOT, 40.0, 48.0, PilotCommand::Nothing).passes();
 }
 
 #[test]
@@ -98,6 +100,11 @@ fn a_stop_does_not_wait_for_a_slot() {
     };
     story(0.01).passes();
     story(0.04).breaks(&[Rule::Stop]);
+    // Not where a stop is in every slot already.
+    story(0.04)
+        .with(|h| h.frames.retain(|frame| frame.at < 39 * SECOND || frame.sent == STOP))
+        .wire(39.0, 39.04, STOP)
+        .breaks_beside(&[Rule::ShutDown], &[]);
 }
 
 #[test]
