@@ -417,6 +417,7 @@ pub fn write_down(history: &mut History, fault: Fault, from: u64, to: u64) {
             history.forged.push(from);
         }
         Fault::Sensor(_) => add(&mut history.sensor),
+        Fault::PwmSignal(true) => add(&mut history.pwm_signal),
         // The ECU reports it itself.
         Fault::Error(error) if ecus::disowns_exhaust(history.rules.kind, error) => {
             add(&mut history.sensor);

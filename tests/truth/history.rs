@@ -522,6 +522,8 @@ pub struct History {
     pub versions: Vec<(u64, u8)>,
     /// The ECU's PWM input commands a running engine.
     pub pwm: Spans,
+    /// There is a signal on it that commands run.
+    pub pwm_signal: Spans,
     /// Another engine of the node does not run although it was to.
     pub other_failed: Spans,
     /// It has failed for sure: it went out, and nobody commanded it to.
@@ -561,6 +563,7 @@ impl History {
             stalls: Vec::new(),
             versions: Vec::new(),
             pwm: Spans::default(),
+            pwm_signal: Spans::default(),
             other_failed: Spans::default(),
             other_down: Spans::default(),
             sensor: Spans::default(),

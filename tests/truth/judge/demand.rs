@@ -88,6 +88,13 @@ impl Case<'_> {
             && !h.noise.touches(when.saturating_sub(SECOND), at)
     }
 
+    /// A governor may hold an rpm: its throttle has a rate of its own, the slew is that of the rpm.
+    fn holds_rpm(&self, at: u64) -> bool {
+        let commands = self.h.commanded(at.saturating_sub(10 * SECOND), at).iter();
+        let rpm = |commanded: &Commanded| matches!(commanded.command, PilotCommand::Run(Demanded::Rpm(_)));
+        self.h.rules.governor && commands.clone().any(rpm)
+    }
+
     /// A governor holds an rpm, and has for a while: one source commands nothing else.
     pub(super) fn governed(&self, at: u64) -> bool {
         let since = at.saturating_sub(8 * SECOND);
@@ -151,6 +158,7 @@ impl Case<'_> {
                 let time = if doubted { time.min(2 * rules.period + 150 * MS) } else { time };
                 let risen = |rate: u32| f64::from(rate) * time as f64 / SECOND as f64 + STEP;
                 let slow = rules.slew_up.is_some_and(|slew| share > low + risen(slew));
+                let slow = slow && !self.holds_rpm(when) && !self.holds_rpm(at);
                 // A governor has a rate of its own.
                 let governed = self.governed(when) && self.governed(at);
                 let fast = share > low + risen(rules.rise)

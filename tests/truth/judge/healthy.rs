@@ -454,6 +454,8 @@ impl Case<'_> {
             if self.is_amt() { self.faults.longer(self.two_states() + SECOND) } else { Spans::default() };
         let hidden = hidden.union(&dumb);
         let hidden = hidden.union(&self.down.longer(rules.listen + self.two_states() + SECOND));
+        // Behind a transmitter that hung the demand rises from what it was.
+        let hidden = hidden.union(&self.stalled().longer(quick));
         let mut since: Option<(u64, usize, Demanded)> = None;
         let mut reported = 0;
         let mut frame = 0;

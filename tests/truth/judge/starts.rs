@@ -294,6 +294,15 @@ impl Case<'_> {
                 self.verdict.exempt("AMT, a relight by the ECU while the wire to the node is cut", at - from);
                 continue;
             }
+            // An ECU that boots with run on its PWM input starts by itself, until the first frame on the line.
+            let booted = h
+                .unpowered
+                .last_before(at)
+                .is_some_and(|(_, on)| at >= on && at < on + h.rules.boot + 2 * h.rules.period + 50 * MS);
+            let ordered = frames.iter().rev().find_map(|frame| frame.sent.switch()) == Some(Switch::Run);
+            if booted && !ordered && h.pwm_signal.contains(at) {
+                continue;
+            }
             // Nobody sent run: noise on the line is a command, with any checksum, once in a while.
             let sent_run = frames.iter().rev().find_map(|frame| frame.sent.switch()) == Some(Switch::Run);
             let lately = at.saturating_sub(h.rules.period + 50 * MS);

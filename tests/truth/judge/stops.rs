@@ -146,7 +146,7 @@ impl Case<'_> {
     }
 
     /// The times in which nothing leaves the node, because its transmitter hangs.
-    fn stalled(&self) -> Spans {
+    pub(super) fn stalled(&self) -> Spans {
         let stalled = self.h.deaf.iter().filter(|(_, to)| self.h.stalls.contains(to));
         Spans::from(&stalled.collect::<Vec<_>>())
     }

@@ -187,6 +187,41 @@ fn a_start_of_an_amt_engine_ends_after_its_time() {
     story(10).breaks_beside(&[Rule::Ignition], &[Rule::RunAtRest]);
 }
 
+/// The slew is that of the rpm that is commanded; a governor's throttle has a rate of its own.
+#[test]
+fn a_governors_throttle_has_no_slew() {
+    let story = |command| {
+        runs(started(AMT), 60.0)
+            .turbine(RUNS as f64, 40.0, Phase::Running, 100_000.0, 500.0)
+            .streams(PILOT, 31.0, 60.0, command)
+            .ramp(31.0, 0, 300)
+            .wire(33.0, 60.0, sent(300))
+            .with(|h| (h.rules.governor, h.rules.slew_up) = (true, Some(100)))
+    };
+    story(PilotCommand::Run(Demanded::Rpm(100_000))).passes();
+    story(run(300)).breaks(&[Rule::Rate]);
+}
+
+#[test]
+fn behind_a_transmitter_that_hung_a_demand_may_still_rise() {
+    let story = |hung: bool| {
+        runs(flight(ZK5, 40.0), 52.0)
+            .streams(PILOT, 40.0, 52.0, run(1000))
+            .wire(40.0, 49.0, HALF)
+            .ramp(50.0, 500, 1000)
+            .wire(51.1, 52.0, sent(1000))
+            .with(move |h| {
+                h.deaf = Spans::from(&[(40 * SECOND, 50 * SECOND)]);
+                if hung {
+                    h.frames.retain(|frame| !(40 * SECOND..50 * SECOND).contains(&frame.at));
+                    h.stalls = vec![50 * SECOND];
+                }
+            })
+    };
+    story(true).passes();
+    story(false).breaks(&[Rule::HeldDown]);
+}
+
 #[test]
 fn a_governor_gives_no_more_than_it_may() {
     let story = |tenths| {

@@ -167,6 +167,25 @@ fn what_does_not_reach_an_ecu_does_not_ignite() {
     assert_eq!([found(true), found(false)], [0, 1]);
 }
 
+/// An ECU that is powered up with run on its PWM input lights up, and goes out with the first frame.
+#[test]
+fn what_the_pwm_input_starts_at_a_power_up_is_not_the_nodes() {
+    let story = |sent, signal: bool| {
+        ready(ZK5)
+            .wire(4.0, 8.0, sent)
+            .mark(7.05, Mark::Ignition)
+            .turbine(5.0, 8.0, Phase::Standby, 0.0, 15.0)
+            .with(move |h| {
+                h.rules.boot = 30 * MS;
+                h.unpowered = Spans::from(&[(6600 * MS, 7 * SECOND)]);
+                h.pwm_signal = Spans::from(&[(6 * SECOND, if signal { 8 } else { 6 } * SECOND)]);
+            })
+    };
+    story(STANDBY, true).passes();
+    story(STANDBY, false).breaks(&[Rule::Ignition]);
+    story(IDLE, true).breaks_beside(&[Rule::RunAtRest, Rule::Obeyed, Rule::Doubt], &[Rule::Ignition]);
+}
+
 /// Noise makes a command of its own once in a while. What is sent has to be something else.
 #[test]
 fn what_noise_commands_is_not_the_nodes() {
