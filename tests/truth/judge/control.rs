@@ -1,6 +1,6 @@
 //! What can be known from the commands alone of who commands an engine.
 
-use crate::history::{Cause, Commanded, Demanded, History, Kind, PilotCommand, Reset, SECOND, Switch};
+use crate::history::{Cause, Commanded, Demanded, History, PilotCommand, Reset, SECOND, Switch};
 
 /// The commands of each source by which it counts as received, in the order of time.
 #[derive(Clone, Debug)]

@@ -2,7 +2,7 @@
 
 use super::case::{Case, Rule, seconds};
 use super::control::{silences, to_fail_safe};
-use crate::history::{Cause, Demanded, Frame, Kind, MS, PilotCommand, SECOND, Sent, Switch};
+use crate::history::{Cause, Demanded, Frame, MS, PilotCommand, SECOND, Sent, Switch};
 use sim::turbine::Phase;
 
 /// From a new demand to the turbine's speed.

@@ -1,7 +1,7 @@
 //! Emergency stops, what the ECU's version knows, and frames that no document knows.
 
 use super::case::{Case, Rule, seconds};
-use crate::history::{Cause, Commanded, Frame, Kind, MS, PilotCommand, SECOND, Sent, Spans, Switch};
+use crate::history::{Cause, Commanded, Frame, MS, PilotCommand, SECOND, Sent, Spans, Switch};
 
 /// ZK's ClosePump.
 const CLOSE_PUMP: u8 = 13;
