@@ -5,7 +5,7 @@ use crate::ecus::{self, Seen};
 use crate::fate::Blow;
 use crate::faults::{Disturber, Fault, Weather};
 use crate::history::{
-    ByMavlink, Commanded, History, MS, Mark, PilotCommand, Pin, SECOND, Sample, Spans, Sticks,
+    ByMavlink, Commanded, History, MS, Mark, PilotCommand, Pin, Radio, SECOND, Sample, Spans,
 };
 use crate::judge::{Verdict, judge};
 use crate::pilots::{Habit, Pilot, Rng, View};
@@ -130,7 +130,9 @@ impl EngineContext {
         // One in four has radio control: the source is its own then.
         if seed >> 1 & 3 == 0 {
             context.pilots.retain(|pilot| pilot.source != RC);
-            context.transmitter = Some(Transmitter::new(seed >> 3 & 7, Layout::of(seed >> 6)));
+            let transmitter = Transmitter::new(seed, Layout::of(seed >> 6));
+            context.history.radio = Some(Radio { rules: transmitter.rules(), frames: Vec::new() });
+            context.transmitter = Some(transmitter);
         }
         (context, halves)
     }
@@ -244,7 +246,7 @@ impl EngineContext {
         self.direct(rng);
         self.play_script(rng, owner);
         self.commands_now(rng, owner);
-        self.transmit(rng, receiver);
+        self.transmit(receiver);
         if let Some(owner) = owner {
             self.valve.follow(&mut self.history, at, &owner.handle().telemetry());
         }
@@ -262,28 +264,23 @@ impl EngineContext {
     }
 
     /// The next frame of radio control, if it is due.
-    fn transmit(&mut self, rng: &mut Rng, receiver: Option<&mut Receiver<'_>>) {
+    fn transmit(&mut self, receiver: Option<&mut Receiver<'_>>) {
         let at = now();
         if self.transmitter.as_ref().is_none_or(|transmitter| at < transmitter.next) {
             return;
         }
         let view = self.view();
         let Some(transmitter) = &mut self.transmitter else { return };
-        transmitter.fly(rng, &view);
-        let commands = transmitter.send(rng, at, receiver);
-        if transmitter.is_damaged {
-            self.history.damaged_sticks.push(at);
+        let moved = transmitter.fly(&view);
+        let (frame, commands) = transmitter.send(at, receiver);
+        if let (Some(radio), Some(frame)) = (&mut self.history.radio, frame) {
+            radio.frames.push((at, frame));
         }
-        let sticks = transmitter.sticks();
-        let same = |before: &Sticks| Sticks { at, ..*before } == sticks;
-        if !self.history.sticks.last().is_some_and(same) {
-            self.history.sticks.push(sticks);
+        let commands = commands.into_iter().map(|command| Commanded { at, source: RC, command });
+        self.history.commanded.extend(commands);
+        if let Some(moved) = moved {
+            self.note(moved);
         }
-        self.history.commanded.extend(commands.into_iter().map(|command| Commanded {
-            at,
-            source: RC,
-            command,
-        }));
     }
 
     /// Whether its valve is closed because the node's starts have failed for too long.

@@ -239,15 +239,32 @@ pub enum Position {
     Run,
 }
 
-/// Stick and switch of radio control, from an instant on.
+/// How stick and switches of a transmitter are to be read: what the node is configured with. Channels count from 1, pulses are in µs.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct Sticks {
-    pub at: u64,
-    pub position: Position,
-    /// Throttle, 0.1 %.
-    pub tenths: u32,
-    /// The transmitter is on.
-    pub on: bool,
+pub struct RadioRules {
+    pub throttle: u8,
+    pub low: u16,
+    pub high: u16,
+    pub reversed: bool,
+    /// A throttle that is further beyond its end points is silence.
+    pub beyond: u16,
+    pub switch: u8,
+    /// Longest pulse of stop, shortest pulse of run.
+    pub stop: u16,
+    pub run: u16,
+    pub switch_reversed: bool,
+    /// Hands the throttle to the lower source; 0: there is none.
+    pub hand_over: u8,
+}
+
+/// Bytes of an SBUS frame.
+pub const SBUS: usize = 25;
+
+/// A receiver of radio control: the frames that came to a node, each with its end.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Radio {
+    pub rules: RadioRules,
+    pub frames: Vec<(u64, [u8; SBUS])>,
 }
 
 /// A MAVLink message that the documents let count for an engine: it is well formed, addressed to it, and from a system that may command
@@ -534,10 +551,8 @@ pub struct History {
     pub pin: Vec<(u64, Pin)>,
     /// The valve lets no fuel through.
     pub shut: Spans,
-    /// Stick and switch. Empty: there is no radio control.
-    pub sticks: Vec<Sticks>,
-    /// When a damaged frame of theirs came.
-    pub damaged_sticks: Vec<u64>,
+    /// Radio control, where it commands the engine.
+    pub radio: Option<Radio>,
     /// What is received through MAVLink, where the engine is commanded so.
     pub mavlink: Option<ByMavlink>,
 }
@@ -569,8 +584,7 @@ impl History {
             sensor: Spans::default(),
             pin: Vec::new(),
             shut: Spans::default(),
-            sticks: Vec::new(),
-            damaged_sticks: Vec::new(),
+            radio: None,
             mavlink: None,
         }
     }

@@ -11,6 +11,7 @@ mod healthy;
 mod limits;
 mod mavlink;
 mod obeyed;
+mod receiver;
 mod shape;
 mod silence;
 mod starts;

@@ -1,6 +1,6 @@
-//! A pilot with a transmitter: a stick and a switch, the SBUS frames of the receiver, and what the node makes of them.
+//! A pilot with a transmitter: a stick, a switch and a hand-over switch, the SBUS frames of the receiver, and what the node makes of them.
 
-use crate::history::{MS, PilotCommand, Position, SECOND, Sticks};
+use crate::history::{MS, PilotCommand, Position, RadioRules, SBUS, SECOND};
 use crate::pilots::{Rng, View};
 use crate::settings;
 use embassy_time::Instant;
@@ -14,84 +14,174 @@ use jetlink_rc::service::Service;
 use jetlink_rc::settings::EngineSettings;
 use sim::receiver::{CHANNELS, sbus, steps};
 use sim::turbine::Phase;
+use std::collections::VecDeque;
 
-/// Where stick and switch are on the transmitter, and which pulses they give.
+/// Where stick and switches are on the transmitter, and which pulses they give.
 #[derive(Clone, Copy, Debug)]
 pub struct Layout {
-    /// What the node receives of it.
-    settings: EngineSettings,
+    /// How the node is to read them.
+    rules: RadioRules,
     /// Pulses of stop, standby and run.
     positions: [u16; 3],
+    /// Pulse between standby and run.
+    between: u16,
 }
 
 impl Layout {
-    /// One of four.
-    pub fn of(number: u64) -> Self {
-        let usual = EngineSettings::DEFAULT;
+    /// One of eight.
+    pub const fn of(number: u64) -> Self {
+        let usual = RadioRules {
+            throttle: 3,
+            low: 1100,
+            high: 1900,
+            reversed: false,
+            beyond: 150,
+            switch: 5,
+            stop: 1300,
+            run: 1700,
+            switch_reversed: false,
+            hand_over: if number & 4 == 0 { 7 } else { 0 },
+        };
         match number & 3 {
-            0 | 1 => Self { settings: usual, positions: [1000, 1500, 2000] },
+            0 | 1 => Self { rules: usual, positions: [1000, 1500, 2000], between: 1650 },
             2 => Self {
-                settings: EngineSettings { throttle: 1, switch: 16, reversed: true, ..usual },
+                rules: RadioRules { throttle: 1, switch: 16, reversed: true, ..usual },
                 positions: [1000, 1500, 2000],
+                between: 1650,
             },
             _ => Self {
-                settings: EngineSettings {
+                rules: RadioRules {
+                    low: 1000,
+                    high: 2000,
+                    beyond: 60,
                     switch: 8,
                     switch_reversed: true,
-                    switch_stop: 1150,
-                    switch_run: 1650,
+                    stop: 1150,
+                    run: 1650,
                     ..usual
                 },
                 positions: [1900, 1600, 1300],
+                between: 1400,
             },
+        }
+    }
+
+    /// The settings of the node.
+    fn settings(&self) -> EngineSettings {
+        let rules = self.rules;
+        EngineSettings {
+            throttle: rules.throttle,
+            low: rules.low,
+            high: rules.high,
+            reversed: rules.reversed,
+            beyond: rules.beyond,
+            switch: rules.switch,
+            switch_stop: rules.stop,
+            switch_run: rules.run,
+            switch_reversed: rules.switch_reversed,
+            hand_over: rules.hand_over,
+            ..EngineSettings::DEFAULT
         }
     }
 
     fn channels(&self, sticks: &Sticks) -> [u16; CHANNELS] {
         let mut channels = [steps(1500); CHANNELS];
-        let above = (sticks.tenths * 8 / 10) as u16;
-        let EngineSettings { throttle, switch, reversed, .. } = self.settings;
+        let RadioRules { low, high, reversed, .. } = self.rules;
+        let above = (sticks.tenths * u32::from(high - low) / 1000) as u16;
+        let throttle = match (sticks.sends, reversed) {
+            (Sends::ThrottleBeyond, _) => 2150,
+            (_, true) => high - above,
+            (_, false) => low + above,
+        };
         let [stop, standby, run] = self.positions;
-        channels[usize::from(throttle) - 1] = steps(if reversed { 1900 - above } else { 1100 + above });
-        channels[usize::from(switch) - 1] = steps(match sticks.position {
+        let switch = match sticks.position {
+            _ if sticks.sends == Sends::SwitchBetween => self.between,
             Position::Stop => stop,
             Position::Standby => standby,
             Position::Run => run,
-        });
+        };
+        let hand_over = if sticks.handed_over { 2000 } else { 1000 };
+        for (number, pulse) in
+            [(self.rules.hand_over, hand_over), (self.rules.throttle, throttle), (self.rules.switch, switch)]
+        {
+            if let Some(place) = usize::from(number).checked_sub(1) {
+                channels[place] = steps(pulse);
+            }
+        }
         channels
     }
 }
 
-/// From frame to frame of a receiver.
-pub const FRAME: u64 = 14 * MS;
+/// What the receiver sends.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Sends {
+    Good,
+    /// Without its transmitter: the last values, flagged as lost and as fail-safe.
+    Frozen,
+    /// Values that were set up for a lost transmitter, with the flag "fail-safe" alone: run allowed at idle.
+    Presets,
+    /// The same values with the flag "frame lost" alone.
+    Lost,
+    /// Nothing: it is unplugged.
+    Nothing,
+    /// The throttle's potentiometer is broken.
+    ThrottleBeyond,
+    /// The switch is between standby and run.
+    SwitchBetween,
+}
 
-/// What it does for a while.
+const AWAY: [Sends; 4] = [Sends::Frozen, Sends::Presets, Sends::Lost, Sends::Nothing];
+
+/// Stick and switches, and what becomes of them.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+struct Sticks {
+    position: Position,
+    /// Throttle, 0.1 %.
+    tenths: u32,
+    handed_over: bool,
+    sends: Sends,
+}
+
+const fn at(position: Position, tenths: u32) -> Sticks {
+    Sticks { position, tenths, handed_over: false, sends: Sends::Good }
+}
+
+impl Sticks {
+    const fn sends(self, sends: Sends) -> Self {
+        Self { sends, ..self }
+    }
+
+    const fn handed_over(self) -> Self {
+        Self { handed_over: true, ..self }
+    }
+}
+
+/// What the person is about.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Program {
     Stopped,
     Standby,
     Start,
     Flight,
-    /// The transmitter is off, and then this goes on.
-    Off,
-    /// The switch is thrown from stop to run, or the stick is up at the start.
-    Careless,
 }
 
 /// A transmitter, and who holds it.
 #[derive(Debug)]
 pub struct Transmitter {
+    /// Its own: nothing else in a world depends on it.
+    rng: Rng,
     sticks: Sticks,
     program: Program,
+    /// What comes next, each for this long.
+    steps: VecDeque<(Sticks, u64)>,
     until: u64,
-    next_stick: u64,
     pub next: u64,
+    /// From frame to frame of the receiver.
+    period: u64,
     /// Damaged frames, per mille.
     noise: u64,
     layout: Layout,
-    /// The last frame was damaged on its way.
-    pub is_damaged: bool,
-    /// The receiver of the node; anew after each reset.
+    /// Of the node's receiver; anew after each reset.
     armings: u32,
 }
 
@@ -99,96 +189,220 @@ pub struct Transmitter {
 pub type Receiver<'a> = Service<'a, 1>;
 
 impl Transmitter {
-    pub const fn new(noise: u64, layout: Layout) -> Self {
-        let sticks = Sticks { at: 0, position: Position::Stop, tenths: 0, on: true };
+    pub fn new(seed: u64, layout: Layout) -> Self {
+        let mut rng = Rng(seed);
         Self {
-            sticks,
+            sticks: at(Position::Stop, 0),
             program: Program::Stopped,
+            steps: VecDeque::new(),
             until: 3 * SECOND,
-            next_stick: 0,
             next: 0,
-            noise,
+            period: rng.pick(&[9, 14, 14, 20]) * MS,
+            noise: rng.pick(&[0, 0, 1, 2, 5, 10]),
             layout,
-            is_damaged: false,
             armings: 0,
+            rng,
         }
+    }
+
+    pub const fn rules(&self) -> RadioRules {
+        self.layout.rules
     }
 
     /// The receiver of a node that begins.
     pub fn receiver<'a>(&mut self, owner: &Owner<'a>, config: &EngineConfig) -> Receiver<'a> {
         let source = owner.source(Origin::Rc).expect("nobody else holds it");
-        let pilot = Pilot::new(source, config, self.layout.settings).expect("they are right");
+        let pilot = Pilot::new(source, config, self.layout.settings()).expect("they are right");
         self.armings = 0;
         Service::new(Input::Sbus(Sbus::new()), [pilot])
     }
 
-    /// What stick and switch are, from now on.
-    pub const fn sticks(&self) -> Sticks {
-        self.sticks
+    /// The person moves on. Stick and switches where they moved, for the log.
+    pub fn fly(&mut self, view: &View) -> Option<String> {
+        let now = view.now;
+        if self.program == Program::Start && view.phase == Phase::Running {
+            (self.program, self.until) = (Program::Flight, now);
+            self.steps.clear();
+        }
+        if now < self.until {
+            return None;
+        }
+        if self.steps.is_empty() {
+            self.choose(view);
+        }
+        let (mut sticks, time) = self.steps.pop_front()?;
+        sticks.handed_over &= self.layout.rules.hand_over != 0;
+        self.until = now + time;
+        let moved = core::mem::replace(&mut self.sticks, sticks) != sticks;
+        moved.then(|| format!("  stick and switches: {sticks:?}"))
     }
 
-    /// The person moves on.
-    pub fn fly(&mut self, rng: &mut Rng, view: &View) {
-        let now = view.now;
+    fn choose(&mut self, view: &View) {
         let ready = matches!(view.phase, Phase::Standby | Phase::Stopped) && view.egt < view.cool - 5.0;
-        let runs = self.program == Program::Start && view.phase == Phase::Running;
-        if self.program == Program::Flight && now >= self.next_stick {
-            self.next_stick = now + rng.spread(300 * MS, 40 * SECOND);
-            self.sticks.tenths = rng.pick(&[0, 150, 400, 600, 800, 1000]);
-        }
-        if self.program == Program::Standby && now >= self.until && !ready && rng.percent(95) {
+        let rng = &mut self.rng;
+        if self.program == Program::Standby && !ready && rng.percent(95) {
             // Most wait until it is cool.
-            self.until = now + SECOND;
-        }
-        if now < self.until && !runs {
+            self.steps.push_back((at(Position::Standby, 0), SECOND));
             return;
         }
+        match self.program {
+            Program::Stopped | Program::Standby if rng.percent(25) => return self.drill(),
+            Program::Flight if rng.percent(50) => return self.drill_in_flight(),
+            _ => {}
+        }
         self.program = match self.program {
-            Program::Stopped if rng.percent(15) => Program::Careless,
-            Program::Stopped | Program::Careless => Program::Standby,
-            Program::Standby if rng.percent(10) => Program::Careless,
+            Program::Stopped => Program::Standby,
             Program::Standby => Program::Start,
-            Program::Start if runs => Program::Flight,
             Program::Start => rng.pick(&[Program::Standby, Program::Stopped]),
-            Program::Flight if rng.percent(40) => Program::Off,
-            Program::Flight => rng.pick(&[Program::Standby, Program::Standby, Program::Stopped]),
-            Program::Off => rng.pick(&[Program::Flight, Program::Flight, Program::Standby, Program::Stopped]),
+            Program::Flight => {
+                rng.pick(&[Program::Flight, Program::Standby, Program::Standby, Program::Stopped])
+            }
         };
-        self.sticks.on = self.program != Program::Off;
-        let (position, tenths, time) = match self.program {
-            Program::Stopped => (Position::Stop, 0, rng.spread(300 * MS, 20 * SECOND)),
-            Program::Standby => (Position::Standby, 0, rng.spread(2 * SECOND, 20 * SECOND)),
-            Program::Start => (Position::Run, 0, 90 * SECOND),
-            Program::Flight => (Position::Run, self.sticks.tenths, rng.wait(90 * SECOND)),
-            Program::Off => (self.sticks.position, self.sticks.tenths, rng.spread(50 * MS, 30 * SECOND)),
-            Program::Careless => (Position::Run, rng.pick(&[0, 300, 1000]), rng.spread(SECOND, 10 * SECOND)),
-        };
-        (self.sticks.position, self.sticks.tenths) = (position, tenths);
-        self.until = now + time;
+        match self.program {
+            Program::Stopped => self.step(at(Position::Stop, 0), 300 * MS, 20 * SECOND),
+            Program::Standby => self.step(at(Position::Standby, 0), 2 * SECOND, 20 * SECOND),
+            Program::Start => self.steps.push_back((at(Position::Run, 0), 90 * SECOND)),
+            Program::Flight => {
+                for _ in 0..self.rng.between(1, 6) {
+                    let tenths = self.rng.pick(&[0, 150, 400, 600, 800, 1000]);
+                    self.step(at(Position::Run, tenths), 300 * MS, 40 * SECOND);
+                }
+            }
+        }
     }
 
-    /// The next frame goes to the node, if there is one. Gives what was commanded with it.
+    fn step(&mut self, sticks: Sticks, least: u64, most: u64) {
+        let time = self.rng.spread(least, most);
+        self.steps.push_back((sticks, time));
+    }
+
+    /// What a person does wrong with an engine at rest. None of it starts one.
+    fn drill(&mut self) {
+        use Position::{Run, Standby, Stop};
+        let away = self.rng.pick(&AWAY);
+        let drill = self.rng.below(10);
+        self.step(at(Standby, 0), SECOND, 5 * SECOND);
+        match drill {
+            // The stick is up, or was until just now.
+            0 => self.step(at(Run, 300), SECOND, 30 * SECOND),
+            1 => {
+                self.step(at(Standby, 300), SECOND, 3 * SECOND);
+                self.step(at(Standby, 0), 50 * MS, 420 * MS);
+                self.step(at(Run, 0), SECOND, 10 * SECOND);
+            }
+            2 => {
+                self.step(at(Run, 300), SECOND, 3 * SECOND);
+                self.step(at(Run, 0), SECOND, 30 * SECOND);
+            }
+            // From stop to run, or past standby.
+            3 => {
+                self.step(at(Stop, 0), 300 * MS, 3 * SECOND);
+                self.step(at(Run, 0), SECOND, 30 * SECOND);
+            }
+            4 => {
+                self.step(at(Stop, 0), 300 * MS, 3 * SECOND);
+                self.step(at(Standby, 0), 20 * MS, 420 * MS);
+                self.step(at(Run, 0), SECOND, 10 * SECOND);
+            }
+            // Moved while nothing is received.
+            5 => {
+                self.step(at(Standby, 0).sends(away), 20 * MS, 5 * SECOND);
+                self.step(at(Run, 0), SECOND, 20 * SECOND);
+            }
+            6 => {
+                self.step(at(Stop, 0).sends(away), 20 * MS, 5 * SECOND);
+                self.step(at(Standby, 0), SECOND, 5 * SECOND);
+            }
+            7 => {
+                self.step(at(Standby, 0).handed_over(), 50 * MS, 3 * SECOND);
+                self.step(at(Run, 0).handed_over(), SECOND, 5 * SECOND);
+                self.step(at(Run, 0), SECOND, 10 * SECOND);
+            }
+            8 => {
+                self.step(at(Stop, 300), 300 * MS, SECOND);
+                self.step(at(Standby, 300), SECOND, 3 * SECOND);
+            }
+            _ => {
+                self.step(at(Standby, 0).sends(Sends::ThrottleBeyond), 20 * MS, SECOND);
+                self.step(at(Stop, 0).sends(Sends::ThrottleBeyond), 100 * MS, SECOND);
+                self.step(at(Standby, 0).sends(Sends::SwitchBetween), 20 * MS, SECOND);
+                self.step(at(Run, 0), SECOND, 10 * SECOND);
+            }
+        }
+        self.program = Program::Stopped;
+        self.step(at(Stop, 0), 300 * MS, 3 * SECOND);
+    }
+
+    /// What happens in flight.
+    fn drill_in_flight(&mut self) {
+        use Position::{Run, Standby, Stop};
+        let rng = &mut self.rng;
+        let away = rng.pick(&AWAY);
+        let drill = rng.below(8);
+        let back = at(Run, rng.pick(&[self.sticks.tenths, 0, 600, 1000]));
+        let here = at(Run, self.sticks.tenths);
+        match drill {
+            0 | 1 => self.step(here.sends(away), 20 * MS, 30 * SECOND),
+            2 => {
+                self.step(here.sends(away), 20 * MS, 10 * SECOND);
+                self.step(at(Standby, here.tenths), 20 * MS, 10 * SECOND);
+            }
+            3 => {
+                self.step(here.sends(away), 20 * MS, 10 * SECOND);
+                self.step(at(Stop, here.tenths), 20 * MS, 2 * SECOND);
+                self.program = Program::Stopped;
+                return self.step(at(Stop, 0), SECOND, 5 * SECOND);
+            }
+            4 => {
+                self.step(here.handed_over(), 20 * MS, 20 * SECOND);
+                if self.rng.percent(20) {
+                    self.step(at(Stop, here.tenths).handed_over(), 200 * MS, SECOND);
+                    self.program = Program::Stopped;
+                    return self.step(at(Stop, 0), SECOND, 5 * SECOND);
+                }
+            }
+            5 => self.step(here.sends(Sends::ThrottleBeyond), 20 * MS, 10 * SECOND),
+            6 => self.step(here.sends(Sends::SwitchBetween), 20 * MS, 10 * SECOND),
+            _ => {
+                self.step(at(Standby, here.tenths), 10 * MS, 45 * MS);
+                if self.rng.percent(20) {
+                    self.step(at(Stop, 0).sends(Sends::ThrottleBeyond), 400 * MS, 2 * SECOND);
+                    self.program = Program::Stopped;
+                    return self.step(at(Stop, 0), SECOND, 5 * SECOND);
+                }
+            }
+        }
+        self.step(back, SECOND, 10 * SECOND);
+    }
+
+    /// The next frame goes to the node, if there is one. Gives the frame that came to it, and what was commanded with it.
     pub fn send(
         &mut self,
-        rng: &mut Rng,
         now: u64,
         receiver: Option<&mut Receiver<'_>>,
-    ) -> Vec<PilotCommand> {
-        self.next = now + FRAME;
-        self.sticks.at = now;
-        let mut frame = sbus(self.layout.channels(&self.sticks), if self.sticks.on { 0 } else { 0x0C });
-        self.is_damaged = rng.below(1000) < self.noise;
-        if self.is_damaged {
-            let at = rng.below(frame.len() as u64) as usize;
-            frame[at] ^= 1 << rng.below(8);
+    ) -> (Option<[u8; SBUS]>, Vec<PilotCommand>) {
+        self.next = now + self.period;
+        let presets = Sticks { sends: self.sticks.sends, ..at(Position::Run, 0) };
+        let (sticks, flags) = match self.sticks.sends {
+            Sends::Nothing => return (None, Vec::new()),
+            Sends::Good | Sends::ThrottleBeyond | Sends::SwitchBetween => (self.sticks, 0),
+            Sends::Frozen => (self.sticks, 0x0C),
+            Sends::Presets => (presets, 0x08),
+            Sends::Lost => (presets, 0x04),
+        };
+        let frame = sbus(self.layout.channels(&sticks), flags);
+        let mut frame: [u8; SBUS] = frame.try_into().expect("the length of a frame");
+        if self.rng.below(1000) < self.noise {
+            let at = self.rng.below(SBUS as u64) as usize;
+            frame[at] ^= 1 << self.rng.below(8);
         }
-        let Some(receiver) = receiver else { return Vec::new() };
+        let Some(receiver) = receiver else { return (None, Vec::new()) };
         let mut outcomes = Vec::new();
         receiver.receive(Instant::from_micros(now), &frame, false, |_, outcome| outcomes.push(outcome));
         let armings = receiver.pilots().first().map_or(0, |pilot| pilot.counters().armings);
         let armed = core::mem::replace(&mut self.armings, armings) != armings;
         let arm = armed.then_some(PilotCommand::Arm);
-        arm.into_iter().chain(outcomes.into_iter().flat_map(commanded)).collect()
+        (Some(frame), arm.into_iter().chain(outcomes.into_iter().flat_map(commanded)).collect())
     }
 }
 

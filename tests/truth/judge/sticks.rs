@@ -1,137 +1,312 @@
-//! Radio control: what it commands is what stick and switch say, and a stop of the switch is a stop.
+//! Radio control: what it commands is what stick and switches say by the judge's own reading of the receiver's frames, and what they say is
+//! commanded.
 
-use super::case::{Case, Rule, seconds};
-use crate::history::{Demanded, MS, PilotCommand, Position, SECOND, Spans, Sticks};
+use super::case::{Case, Rule};
+use super::receiver::{Shown, Sight, read};
+use crate::history::{Demanded, MS, PilotCommand, Position, SECOND, Switch};
 
 const RC: usize = 1;
-/// The frame with it, and two before: a value counts when it is the median of three.
-const LATELY: u64 = 3 * 14 * MS + 20 * MS;
-/// A switch and a stick that are to be steady have been so for 0.5 s.
+/// A switch and a stick that are to be steady have been so for 0.5 s, seen by frames that are up to 20 ms apart.
 const STEADY: u64 = 500 * MS;
-/// After a pause all positions are held for longer until they count.
-const RETURN: u64 = 1400 * MS;
+const FRAMES: u64 = 50 * MS;
+/// What has been steady for this long does count as steady. The document does not say whether that begins with the frame that shows it or
+/// with the one that counts.
+const SURELY: u64 = STEADY + FRAMES;
 
 impl Case<'_> {
     pub(super) fn sticks(&mut self) {
-        if self.h.sticks.is_empty() {
-            return;
-        }
-        self.commands_are_those_of_the_sticks();
-        self.starts_are_moves();
-        self.stop_of_the_switch_stops();
-        self.verdict.count("moves of stick and switch", self.h.sticks.len() as u64);
-    }
-
-    /// What stick and switch were within this time.
-    fn were(&self, from: u64, to: u64) -> &[Sticks] {
-        let sticks = &self.h.sticks;
-        let first = sticks.partition_point(|sticks| sticks.at <= from).saturating_sub(1);
-        let last = sticks.partition_point(|sticks| sticks.at <= to).max(first);
-        &sticks[first..last]
-    }
-
-    fn commands_are_those_of_the_sticks(&mut self) {
+        let Some(radio) = &self.h.radio else { return };
+        let ups: Vec<u64> = self.h.resets.iter().map(|reset| reset.up).collect();
+        let frames = read(radio, &ups, self.h.rules.idle_band);
         let mut wrong = Vec::new();
-        for commanded in self.h.commanded.iter().filter(|commanded| commanded.source == RC) {
-            let at = commanded.at;
-            let lately = self.were(at.saturating_sub(LATELY), at);
-            let any = |holds: fn(&Sticks) -> bool| lately.iter().any(|sticks| sticks.on && holds(sticks));
-            let right = match commanded.command {
-                PilotCommand::Stop => any(|sticks| sticks.position == Position::Stop),
-                // In standby radio control is in control in both positions.
-                PilotCommand::Standby => any(|sticks| sticks.position != Position::Stop),
-                PilotCommand::Run(Demanded::Throttle(tenths)) => {
-                    // Two damaged frames of three may agree on a throttle, for one frame.
-                    let damaged = &self.h.damaged_sticks;
-                    let first = damaged.partition_point(|each| *each < at.saturating_sub(LATELY));
-                    let overruled = damaged.iter().skip(first).take_while(|each| **each <= at).count() >= 2;
-                    // A damaged frame in the middle of a move may be the median: a value between the two, or one beside it whose last
-                    // bits are damaged.
-                    let sticks = lately.iter().filter(|sticks| sticks.on).map(|sticks| sticks.tenths);
-                    let (low, high) =
-                        sticks.fold((u32::MAX, 0), |(low, high), tenths| (low.min(tenths), high.max(tenths)));
-                    (overruled || (low.saturating_sub(8)..=high + 8).contains(&tenths))
-                        && any(|sticks| sticks.position == Position::Run)
-                }
-                PilotCommand::Release | PilotCommand::Arm => {
-                    any(|sticks| sticks.position == Position::Standby && sticks.tenths == 0)
-                }
-                PilotCommand::Disarm | PilotCommand::Nothing => true,
-                _ => false,
-            };
-            if !right {
-                wrong.push((at, format!("{:?}, and stick and switch are {lately:?}", commanded.command)));
+        let mut commands = self.h.commanded.iter().filter(|each| each.source == RC).peekable();
+        let pwm = self.h.commanded.iter().find(|each| each.command == PilotCommand::Pwm);
+        let mut last = Last { pwm: pwm.map(|each| each.at), ..Last::default() };
+        for (at, shown) in &frames {
+            let at = *at;
+            // Commands come with frames, and at no other time.
+            while let Some(stray) = commands.next_if(|each| each.at < at) {
+                wrong.push((stray.at, format!("{}: no frame came", stray.command)));
             }
+            let mut given = Vec::new();
+            while let Some(each) = commands.next_if(|each| each.at == at) {
+                given.push(each.command);
+            }
+            for command in &given {
+                if let Err(why) = self.may(at, shown.as_ref(), *command, &last) {
+                    wrong.push((at, format!("{command}: {why}; the frame shows {shown:?}")));
+                }
+            }
+            if let Some(why) = shown.as_ref().and_then(|shown| self.must(at, shown, &given, &last)) {
+                wrong.push((at, format!("{why}, and commanded is {given:?}; the frame shows {shown:?}")));
+            }
+            last.note(at, &given);
         }
+        wrong.extend(commands.map(|stray| (stray.at, format!("{}: no frame came", stray.command))));
+        self.verdict.count("frames of radio control", frames.len() as u64);
         for (at, text) in wrong.into_iter().take(3) {
             self.verdict.finding(Rule::Sticks, at, text);
         }
     }
 
-    /// Run after standby is a move of the switch with the stick at idle, unless something else had started the engine.
-    fn starts_are_moves(&mut self) {
-        let h = self.h;
-        let own: Vec<_> = h
-            .commanded
+    /// The switches on the wire in this time: none, all the same, or several.
+    fn switches(&self, from: u64, to: u64) -> Wire {
+        let mut wire = Wire::Nothing;
+        for switch in self.h.frames_within(from, to + 1).iter().filter_map(|frame| frame.sent.switch()) {
+            wire = match wire {
+                Wire::Nothing => Wire::All(switch),
+                Wire::All(before) if before == switch => wire,
+                _ => Wire::Mixed,
+            };
+        }
+        wire
+    }
+
+    fn lately(&self) -> u64 {
+        3 * self.h.rules.period + 20 * MS
+    }
+
+    /// Another source has commanded this lately.
+    fn others(&self, at: u64, within: u64, is: impl Fn(PilotCommand) -> bool) -> bool {
+        self.h
+            .commanded(at.saturating_sub(within), at)
             .iter()
-            .filter(|commanded| commanded.source == RC)
-            .filter(|commanded| matches!(commanded.command, PilotCommand::Run(_) | PilotCommand::Standby))
-            .collect();
-        let mut wrong = Vec::new();
-        for pair in own.windows(2) {
-            let (PilotCommand::Standby, PilotCommand::Run(_)) = (pair[0].command, pair[1].command) else {
-                continue;
-            };
-            let at = pair[1].at;
-            let others = h.commanded(at.saturating_sub(60 * SECOND), at).iter();
-            let by_another = others.clone().any(|other| {
-                other.source != RC && matches!(other.command, PilotCommand::Run(_) | PilotCommand::Pwm)
-            });
-            let found = h.resets.iter().any(|reset| reset.up <= at && reset.up + 30 * SECOND > pair[0].at);
-            if by_another || found || self.live.touches(at.saturating_sub(SECOND), at) {
-                continue;
+            .any(|each| each.source != RC && is(each.command))
+    }
+
+    /// Whether a command is what the frame shows.
+    fn may(
+        &self,
+        at: u64,
+        shown: Option<&Shown>,
+        command: PilotCommand,
+        last: &Last,
+    ) -> Result<(), &'static str> {
+        let sight = match shown {
+            None => return Err("the values of this frame do not count"),
+            Some(Shown::Unreadable(since)) => {
+                let held = since.is_some_and(|since| at + FRAMES >= since + 300 * MS);
+                let stop = matches!(command, PilotCommand::Stop | PilotCommand::Disarm);
+                return if held && stop { Ok(()) } else { Err("a channel cannot be read") };
             }
-            let before = self.were(at.saturating_sub(STEADY - 50 * MS), at);
-            let idle = before.iter().all(|sticks| sticks.tenths == 0 && sticks.on);
-            let moved = before.iter().any(|sticks| sticks.position == Position::Standby);
-            if !idle || !moved {
-                wrong.push((at, format!("a start, and stick and switch were {before:?}")));
-            }
+            Some(Shown::Sight(sight)) => sight,
+        };
+        if !sight.counts {
+            return Err("the switch has not been there for long enough");
         }
-        for (at, text) in wrong.into_iter().take(3) {
-            self.verdict.finding(Rule::Sticks, at, text);
+        let released = || {
+            let moved = sight.moved.is_some_and(|moved| moved.from == Position::Stop);
+            if sight.position != Position::Standby || !moved {
+                return Err("the switch has not moved from stop to standby");
+            }
+            if is_steady(at + FRAMES, sight) { Ok(()) } else { Err("stick and switch are not steady") }
+        };
+        match command {
+            PilotCommand::Stop | PilotCommand::Disarm if sight.position == Position::Stop => Ok(()),
+            PilotCommand::Stop | PilotCommand::Disarm => Err("the switch is not at stop"),
+            _ if sight.position == Position::Stop => Err("the switch is at stop"),
+            PilotCommand::Nothing => Ok(()),
+            PilotCommand::Release => released(),
+            _ if sight.handed_over => Err("it is handed over"),
+            PilotCommand::Arm => released(),
+            PilotCommand::Run(Demanded::Throttle(tenths)) => {
+                if sight.position != Position::Run {
+                    return Err("the switch is not at run");
+                }
+                if tenths.abs_diff(sight.tenths) > 1 {
+                    return Err("the stick is elsewhere");
+                }
+                if self.would_start(at, last) { starts(sight, at) } else { Ok(()) }
+            }
+            PilotCommand::Standby => self.may_shut_down(at, sight),
+            _ => Err("no position of a switch says that"),
         }
     }
 
-    fn stop_of_the_switch_stops(&mut self) {
-        let h = self.h;
-        let ends = h.sticks.iter().skip(1).map(|sticks| sticks.at).chain([h.end]);
-        let off = h.sticks.iter().zip(ends.clone()).filter(|(sticks, _)| !sticks.on);
-        let off = Spans::from(&off.map(|(sticks, end)| (sticks.at, end)).collect::<Vec<_>>());
-        let deaf = off.longer(RETURN).union(&self.down.longer(RETURN)).union(&Spans::from(&[(0, RETURN)]));
-        let mut wrong = Vec::new();
-        let mut held: Option<u64> = None;
-        for (sticks, end) in h.sticks.iter().zip(ends) {
-            held = match sticks.position {
-                Position::Stop if sticks.on => held.or(Some(sticks.at)),
-                _ => None,
-            };
-            let Some(from) = held else { continue };
-            let by = from + 250 * MS;
-            if end > by && !deaf.touches(from, by) {
-                let stopped = h.commanded(from, by).iter();
-                let stopped =
-                    stopped.clone().any(|each| each.source == RC && each.command == PilotCommand::Stop);
-                if !stopped {
-                    wrong.push((
-                        by,
-                        format!("the switch is at stop since {}, and nothing stops", seconds(from)),
-                    ));
-                }
-            }
+    /// Whether run commands a start: standby is what is sent, nobody else has just started it, and it is not the stream of a start that
+    /// waits.
+    fn would_start(&self, at: u64, last: &Last) -> bool {
+        let streams = last.run.is_some_and(|run| at <= run + 100 * MS);
+        let by_another = || self.others(at, SECOND, |command| matches!(command, PilotCommand::Run(_)));
+        let standby = || {
+            let wire = self.switches(at.saturating_sub(self.lately()), at);
+            matches!(wire, Wire::All(Switch::Standby | Switch::Stop))
+        };
+        !streams && standby() && !by_another()
+    }
+
+    /// Standby for a healthy engine that runs: the switch has moved there from run, in sight.
+    fn may_shut_down(&self, at: u64, sight: &Sight) -> Result<(), &'static str> {
+        let moved = sight.position == Position::Standby
+            && sight.moved.is_some_and(|moved| moved.from == Position::Run);
+        if moved || !self.is_healthy(at) {
+            return Ok(());
         }
-        for (at, text) in wrong.into_iter().take(3) {
-            self.verdict.finding(Rule::Sticks, at, text);
+        Err("the engine runs, and the switch has not moved from run to standby")
+    }
+
+    /// It runs, is sent run, and nothing but a command could end that.
+    fn is_healthy(&self, at: u64) -> bool {
+        if !self.runs.contains(at) {
+            return false;
+        }
+        let rules = &self.h.rules;
+        let from = at.saturating_sub(5 * SECOND);
+        let limits = rules.limit_egt.is_none()
+            && rules.limit_rpm.is_none()
+            && rules.limit_fault.is_none()
+            && rules.limit_change.is_none();
+        let quiet = !self.hidden.touches(from, at)
+            && !self.blind.touches(from, at)
+            && !self.faults.touches(from, at)
+            && !self.h.deaf.touches(from, at)
+            && !self.h.pwm.touches(from, at)
+            && !self.h.sensor.touches(from, at);
+        let by_another = || {
+            self.others(at, 12 * SECOND, |command| {
+                !matches!(command, PilotCommand::Run(_) | PilotCommand::Nothing | PilotCommand::Arm)
+            })
+        };
+        let sent = || self.switches(at.saturating_sub(self.lately()), at) == Wire::All(Switch::Run);
+        let runs = self.h.samples(from, at).iter().all(|sample| sample.runs());
+        limits && rules.standby_after.is_none() && quiet && runs && !by_another() && sent()
+    }
+
+    /// What had to be commanded with this frame, and was not.
+    fn must(&self, at: u64, shown: &Shown, given: &[PilotCommand], last: &Last) -> Option<String> {
+        let has = |wanted: PilotCommand| given.contains(&wanted);
+        let sight = match shown {
+            Shown::Unreadable(since) => {
+                let held = since.is_some_and(|since| at >= since + 300 * MS + FRAMES);
+                return (held && !has(PilotCommand::Stop))
+                    .then(|| "the switch is at stop beside a channel that cannot be read".into());
+            }
+            Shown::Sight(sight) if !sight.counts => return None,
+            Shown::Sight(sight) => sight,
+        };
+        if sight.position == Position::Stop {
+            return (!has(PilotCommand::Stop)).then(|| "the switch is at stop".into());
+        }
+        // A start that was refused because nothing was steady takes one frame.
+        let moves = sight.moved.is_some_and(|moved| moved.at == at);
+        if given.is_empty() && !moves {
+            return Some("the receiver works".into());
+        }
+        if sight.handed_over {
+            return None;
+        }
+        let wire = self.switches(at.saturating_sub(self.lately()), at);
+        let after = self.switches(at, at + self.lately());
+        let stays = |switch: Switch| {
+            wire == Wire::All(switch)
+                && after == Wire::All(switch)
+                && self.switches(at.saturating_sub(SECOND), at) == Wire::All(switch)
+        };
+        match (sight.position, sight.moved) {
+            (Position::Run, _) if stays(Switch::Run) && self.runs.contains(at) => {
+                let is_right = |command: &PilotCommand| match command {
+                    PilotCommand::Run(Demanded::Throttle(tenths)) => tenths.abs_diff(sight.tenths) <= 1,
+                    _ => false,
+                };
+                let pwm = last.pwm.is_some_and(|pwm| pwm <= at);
+                (!pwm && !given.iter().any(is_right)).then(|| "the switch is at run".into())
+            }
+            // The first frames behind a move.
+            (Position::Run, Some(moved)) if moved.at == at => {
+                let steady = moved.from == Position::Standby
+                    && moved.reached >= moved.left_counted + SURELY
+                    && sight.idle.is_some_and(|idle| moved.reached >= idle + SURELY);
+                let starts = given.iter().any(|command| matches!(command, PilotCommand::Run(_)));
+                let ready = steady && self.is_in_standby(at);
+                (ready && !starts).then(|| "a start by the switch with the stick at idle".into())
+            }
+            (Position::Standby, Some(moved)) if moved.from == Position::Run && at < moved.at + 250 * MS => {
+                let runs = wire == Wire::All(Switch::Run) && self.runs.contains(at);
+                let is_late = runs && !sight.was_handed_over && !has(PilotCommand::Standby);
+                is_late.then(|| "the switch has moved to standby".into())
+            }
+            (Position::Standby, Some(moved)) if moved.from == Position::Stop => {
+                let steady = at >= moved.at + SURELY && sight.idle.is_some_and(|idle| at >= idle + SURELY);
+                let since = |when: Option<u64>| when.is_some_and(|when| when >= moved.at);
+                if !steady || sight.was_handed_over {
+                    return None;
+                }
+                if wire == Wire::All(Switch::Stop)
+                    && !since(last.release)
+                    && !has(PilotCommand::Release)
+                    && self.switches(at.saturating_sub(SECOND), at) == wire
+                {
+                    return Some("a stop is to be released".into());
+                }
+                (self.is_in_standby(at) && !since(last.arm) && !has(PilotCommand::Arm))
+                    .then(|| "the engine is to be armed".into())
+            }
+            _ if self.is_in_standby(at) && given.iter().all(|command| *command == PilotCommand::Nothing) => {
+                Some("radio control is in control in standby".into())
+            }
+            _ => None,
         }
     }
+
+    /// Standby is ordered, of an engine that is known to be at rest, and stays so.
+    fn is_in_standby(&self, at: u64) -> bool {
+        let from = at.saturating_sub(3 * SECOND);
+        let standby = Wire::All(Switch::Standby);
+        let after = self.switches(at, at + self.lately());
+        self.switches(at.saturating_sub(SECOND), at) == standby
+            && (after == standby || after == Wire::Mixed)
+            && !self.hidden.touches(from, at + SECOND)
+            && !self.blind.touches(from, at + SECOND)
+            && !self.down.touches(from, at + SECOND)
+            && !self.h.deaf.touches(from, at + SECOND)
+            && !self
+                .others(at, SECOND, |command| matches!(command, PilotCommand::Run(_) | PilotCommand::Stop))
+    }
+}
+
+/// What is sent in a time.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Wire {
+    Nothing,
+    All(Switch),
+    Mixed,
+}
+
+/// When radio control last commanded each of these, and what else does not depend on a frame.
+#[derive(Default)]
+struct Last {
+    run: Option<u64>,
+    release: Option<u64>,
+    arm: Option<u64>,
+    /// The first hand-over to the PWM input.
+    pwm: Option<u64>,
+}
+
+impl Last {
+    fn note(&mut self, at: u64, given: &[PilotCommand]) {
+        for command in given {
+            match command {
+                PilotCommand::Run(_) => self.run = Some(at),
+                PilotCommand::Release => self.release = Some(at),
+                PilotCommand::Arm => self.arm = Some(at),
+                _ => {}
+            }
+        }
+    }
+}
+
+/// Stick at idle and switch at standby for 0.5 s.
+fn is_steady(at: u64, sight: &Sight) -> bool {
+    sight.idle.is_some_and(|idle| at >= idle + STEADY) && at >= sight.held + STEADY
+}
+
+/// The switch has just moved from standby to run in sight, both held for 0.5 s with the stick at idle.
+fn starts(sight: &Sight, at: u64) -> Result<(), &'static str> {
+    let Some(moved) = sight.moved else { return Err("a start, and the switch was found at run") };
+    if at > moved.at + FRAMES || moved.from != Position::Standby {
+        return Err("a start, and the switch has not just moved from standby to run");
+    }
+    let steady = moved.reached + FRAMES >= moved.left_since + STEADY
+        && sight.idle.is_some_and(|idle| at + FRAMES >= idle + STEADY);
+    if steady { Ok(()) } else { Err("a start, and stick and switch were not steady") }
 }
