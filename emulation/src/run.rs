@@ -26,7 +26,7 @@ use crate::report::{Report, Tap, Written};
 use crate::wire::{Far, Wire};
 use crate::{audit, bootloader, engines, image, pins};
 
-/// Number of resets after which a run is given up.
+/// Number of resets beyond those that are expected after which a run is given up.
 const MOST_RESETS: usize = 6;
 
 type Act = Box<dyn FnOnce(&mut Bench<'_>) + Send>;
@@ -299,6 +299,7 @@ impl Run {
         let hand = Hand {
             board,
             until: self.until,
+            most_resets: self.resets_expected + MOST_RESETS,
             acts: self.acts.into(),
             timers,
             taps,
@@ -527,6 +528,7 @@ impl Live {
 struct Hand {
     board: &'static Board,
     until: Nanos,
+    most_resets: usize,
     acts: VecDeque<(Nanos, Act)>,
     timers: TimerFlags,
     taps: HashMap<u64, &'static str>,
@@ -620,7 +622,7 @@ impl Driver<Rig> for Hand {
             live.pace(now);
         }
         // A start that fails at once would be tried again a thousand times a second.
-        let hopeless = session.resets().len() > MOST_RESETS;
+        let hopeless = session.resets().len() > self.most_resets;
         (now < self.until && !hopeless).then(|| self.next(now, session))
     }
 }

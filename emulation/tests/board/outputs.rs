@@ -236,6 +236,56 @@ fn valve_stays_open_in_flight_over_every_reset_with_a_record() {
     });
 }
 
+/// The firmware crashes within 0.8 s of each start, again and again. The valve stays open for less than 10 s of it; a start that lives for a
+/// second begins the count anew; 10 s in a row close it, also when the crashes are over, because the engine is not at rest.
+#[test]
+fn valve_of_a_firmware_that_fails_at_each_start_is_closed_after_ten_seconds_of_it() {
+    on_each_board(|board| {
+        const EVERY: Nanos = 700 * MILLIS;
+        const FEW: u64 = 12;
+        const MANY: u64 = 18;
+        const FIRST: Nanos = 27 * SECOND;
+        const AGAIN: Nanos = FIRST + FEW * EVERY + 2 * SECOND;
+        const OVER: Nanos = AGAIN + MANY * EVERY;
+        let times = (0..FEW).map(|n| FIRST + n * EVERY).chain((0..MANY).map(|n| AGAIN + n * EVERY));
+        let mut run = flying(board);
+        for at in times {
+            run = run.at(at, move |bench| crash(bench, board, Image::Outputs));
+        }
+        let crashes = (FEW + MANY) as usize;
+        let report = run.resets(crashes).with_errors().until(OVER + 2 * SECOND).go();
+        let resets: Vec<Nanos> = report.resets.iter().map(|reset| reset.0).collect();
+        // Time of failed starts in a row before each reset: one that has lived for a second does not count, and ends the row.
+        let mut rows = vec![0];
+        for pair in resets.windows(2) {
+            let lived = pair[1] - pair[0];
+            assert!(lived.abs_diff(SECOND) > 100 * MILLIS, "nearly a second: {lived}");
+            rows.push(if lived < SECOND { rows[rows.len() - 1] + lived } else { 0 });
+        }
+        assert!(rows[FEW as usize - 1] > 7 * SECOND && rows[FEW as usize] == 0, "{rows:?}");
+        assert!(rows[..crashes - 2].iter().any(|row| *row > 10 * SECOND), "{rows:?}");
+        let ends = resets[1..].iter().copied().chain([report.at]);
+        for ((reset, row), end) in resets.iter().zip(&rows).zip(ends) {
+            if row.abs_diff(10 * SECOND) < 150 * MILLIS {
+                // Each start takes some milliseconds besides, so that this one may be either.
+                continue;
+            }
+            for valve in VALVES {
+                let level = if *row < 10 * SECOND { valve.on } else { valve.off() };
+                let driven = driven_after(&report, valve, *reset, level);
+                stays(&report, valve, level, driven..end);
+            }
+            // The starter cools the turbine.
+            let driven = driven_after(&report, POWER, *reset, POWER.on);
+            stays(&report, POWER, POWER.on, driven..end);
+        }
+        let closed = rows.iter().filter(|row| **row > 10 * SECOND).count();
+        println!("{}: closed for the last {closed} of {crashes} starts", board.name);
+        // Run is ordered all the time.
+        assert_eq!(phases(&report), [Phase::Running; 2]);
+    });
+}
+
 /// ZK from version 5 runs on without its wire: only the valve stops it. While run is ordered, nothing closes it.
 #[test]
 fn valve_closes_when_an_ordered_standby_is_not_obeyed_and_never_while_run_is_ordered() {
