@@ -2,6 +2,7 @@
 
 use sim::ecu::{Ecu, LineFault, MILLIS, Nanos};
 use sim::line::Line;
+use sim::receiver::steps;
 pub use sim::receiver::{Position, Protocol};
 
 /// A receiver, which has power with the board.
@@ -16,12 +17,22 @@ pub struct Receiver {
     pub switch: Position,
     /// The transmitter is on.
     pub transmitter: bool,
+    /// Pulses of other channels, in µs, by their numbers from 1.
+    pub others: Vec<(u8, u16)>,
 }
 
 impl Receiver {
     /// The stick at idle, the switch at stop, the transmitter on.
     pub fn new(protocol: Protocol) -> Self {
-        Self { protocol, next: 0, plugged: true, stick: 0, switch: Position::Stop, transmitter: true }
+        Self {
+            protocol,
+            next: 0,
+            plugged: true,
+            stick: 0,
+            switch: Position::Stop,
+            transmitter: true,
+            others: Vec::new(),
+        }
     }
 
     /// Its line.
@@ -39,7 +50,10 @@ impl Receiver {
 
     /// What it sends now.
     pub fn frame(&self) -> Vec<u8> {
-        let channels = sim::receiver::channels(self.stick * 10, self.switch);
+        let mut channels = sim::receiver::channels(self.stick * 10, self.switch);
+        for (number, pulse) in &self.others {
+            channels[usize::from(*number) - 1] = steps(*pulse);
+        }
         self.protocol.frame(channels, self.transmitter).unwrap_or_default()
     }
 }

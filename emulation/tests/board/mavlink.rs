@@ -4,10 +4,13 @@
 //! Their frames are built and read here, from the description of MAVLink, and not with the code of the firmware.
 
 use crate::support::{amt_engines, on_all_boards, on_boards, on_each_board, others_are_well};
+use emulation::receiver::{Position, Protocol, Receiver};
 use emulation::{Board, Fram, Image, Report, Run};
-use sim::amt::AmtEcu;
+use sim::amt::{AmtEcu, Ops};
 use sim::ecu::{Ecu, LineFault, MILLIS, Nanos, SECOND};
 use sim::line::Line;
+use sim::turbine::Phase;
+use sim::zk::ZkEcu;
 use std::collections::BTreeMap;
 
 const LINE: Line = Line::n1(57_600);
@@ -399,6 +402,60 @@ fn a_setting_stays_over_a_restart_by_command() {
         assert_eq!(client.value(LEFT, "LOSS_HOLD"), Some(2345.0), "{texts}");
         assert_eq!(client.value(NODE, "MAV_GCS_2"), Some(9.0), "{texts}");
         assert!(!client.texts().iter().any(|text| text.contains("is not stored")), "{texts}");
+    });
+}
+
+/// Channel, end points and reverse of the throttle of "left", set over the telemetry port, are stored and count after a reset: the
+/// engine follows the stick where it is now. "Booster" has its own settings, the defaults, and a stick that stays at full throttle.
+#[test]
+fn settings_of_radio_control_are_set_stored_and_used() {
+    on_each_board(|board| {
+        const RESET: Nanos = 10 * SECOND;
+        let (amt, port) = ("SERIAL2", board.telemetry.name);
+        let numbers =
+            [("RC_THR_CH", 1.0), ("RC_THR_MIN", 1050.0), ("RC_THR_MAX", 1850.0), ("RC_THR_REV", 1.0)];
+        let mut script: Vec<_> = (0..)
+            .zip(numbers)
+            .map(|(n, (name, number))| (8 * SECOND + n * 200 * MILLIS, set(LEFT, name, number)))
+            .collect();
+        // Channels of throttle and switch are never the same.
+        script.push((9 * SECOND, set(LEFT, "RC_SW_CH", 1.0)));
+        let client =
+            Client { script, quiet: Some((RESET - SECOND / 2, RESET + SECOND)), ..Client::default() };
+        // Channel 1 is at idle, which is its longer pulse; channel 3 at full throttle.
+        let mut receiver = Receiver::new(Protocol::Sbus);
+        (receiver.stick, receiver.others) = (100, vec![(1, 1850)]);
+        let report = Run::new(board, Image::RadioSbus)
+            .quick_engines()
+            .only(&[amt, "SERIAL5"])
+            .radio(receiver)
+            .ecu(port, LINE, client)
+            .at(RESET, |bench| bench.press_reset())
+            .at(RESET + 2 * SECOND, |bench| bench.radio().switch = Position::Standby)
+            .at(RESET + 4 * SECOND, |bench| bench.radio().switch = Position::Run)
+            .at(RESET + 11 * SECOND, |bench| bench.radio().others = vec![(1, 1650)])
+            .resets(1)
+            .until(RESET + 13 * SECOND)
+            .go();
+        let client: &Client = report.ecu(port);
+        let texts = format!("{}: {:#?}\n{}", board.name, client.texts(), report.log_text());
+        for (name, number) in numbers {
+            assert_eq!(client.value(LEFT, name), Some(number), "{name}; {texts}");
+        }
+        assert_eq!(client.value(LEFT, "RC_SW_CH"), Some(5.0), "{texts}");
+        assert!(report.logged("settings: as stored"), "{texts}");
+        let commands = &report.ecu::<AmtEcu>(amt).commands;
+        let runs = |from: Nanos, to: Nanos| {
+            let runs =
+                commands.iter().filter(move |(at, each)| (from..to).contains(at) && each.ops == Ops::Run);
+            runs.map(|(_, each)| each.throttle_half_percent).collect::<Vec<_>>()
+        };
+        let idle = runs(0, RESET + 11 * SECOND);
+        assert!(!idle.is_empty() && idle.iter().all(|throttle| *throttle == 0), "{idle:?}; {texts}");
+        // A quarter of the way from the end of the longer pulse: 25 %. Not reversed it were 75 %, between the old end points 31 %.
+        assert_eq!(runs(RESET + 11 * SECOND, report.at).last(), Some(&50), "{texts}");
+        let booster = report.ecu::<ZkEcu>("SERIAL5").turbine().phase();
+        assert_eq!(booster, Phase::Stopped, "its stop is not released with the stick up; {texts}");
     });
 }
 
