@@ -1,8 +1,7 @@
 //! Named cases of loss, restart and disagreement, each with what must go out at each step. The judge of the random worlds judges
 //! them, too.
 
-use crate::context::Act;
-use crate::fate::Blow;
+use crate::acts::{Act, Blow};
 use crate::faults::Fault;
 use crate::history::{Cause, Demanded, Frame, MS, Mark, PilotCommand, SECOND, Sent, Switch};
 use crate::settings::Setup;

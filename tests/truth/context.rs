@@ -1,8 +1,8 @@
 //! One engine of a world: its ECU, its pilots, what goes wrong with it, and the history of all that.
 
+use crate::acts::{Act, Blow};
 use crate::drills::Director;
 use crate::ecus::{self, Seen};
-use crate::fate::Blow;
 use crate::faults::{Disturber, Fault, Weather};
 use crate::history::{
     ByMavlink, Commanded, History, MS, Mark, PilotCommand, Pin, Radio, SECOND, Sample, Spans,
@@ -62,21 +62,6 @@ pub struct EngineContext {
     transmitter: Option<Transmitter>,
     /// Until when its autopilot sends nothing of its outputs.
     pub outputs_silent_until: u64,
-}
-
-/// What a case does with an engine, and when.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub enum Act {
-    /// The source repeats this from now on, every 0.1 s; `None`: it is silent.
-    Stream(usize, Option<PilotCommand>),
-    /// The source commands this once.
-    Once(usize, PilotCommand),
-    /// This goes wrong for this long, µs.
-    Fault(Fault, u64),
-    /// The same, beside what goes wrong already.
-    Beside(Fault, u64),
-    /// Another ECU, of this version, is plugged in; without power for this long, µs.
-    Swap(u8, u64),
 }
 
 /// A case: acts at times, and what the sources repeat.

@@ -1,25 +1,11 @@
 //! When and why the node is reset.
 
+use crate::acts::Blow;
 use crate::context::{EngineContext, now};
 use crate::faults::Weather;
 use crate::history::{Cause, MS, SECOND};
 use crate::pilots::Rng;
 use std::collections::VecDeque;
-
-/// A reset, and what goes with it.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct Blow {
-    pub at: u64,
-    /// How long there is no node.
-    pub down: u64,
-    pub cause: Cause,
-    /// The ECUs lose their power together with the node.
-    pub with_ecu: bool,
-    /// The node comes back with other settings.
-    pub other_settings: bool,
-    /// The node begins as one that runs another engine: what was retained is not its own.
-    pub other_engine: bool,
-}
 
 /// What the node itself goes through.
 #[derive(Debug)]

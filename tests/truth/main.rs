@@ -7,6 +7,7 @@
 //! JETLINK_HOURS=100 cargo truth                                    # a hundred; continues after findings, and counts them
 //! ```
 
+mod acts;
 mod cases;
 mod context;
 mod drills;

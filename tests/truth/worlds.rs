@@ -1,8 +1,9 @@
 //! Random worlds: one to three engines with simulated ECUs of every temper on a node that is reset now and then, and
 //! pilots that command them well and badly. Everything comes from one seed.
 
-use crate::context::{Act, EngineContext, Judged, LOOK, now};
-use crate::fate::{Blow, Fate};
+use crate::acts::{Act, Blow};
+use crate::context::{EngineContext, Judged, LOOK, now};
+use crate::fate::Fate;
 use crate::faults::Weather;
 use crate::history::{Cause, History, MS, Reset, SECOND, Spans};
 use crate::judge::failed_for_sure;

@@ -173,7 +173,7 @@ impl Director {
 
     fn another_ecu(&self, rng: &mut Rng) -> Vec<Step> {
         let off = rng.spread(300 * MS, 5 * SECOND);
-        let swap = Step::Act(crate::context::Act::Swap(rng.between(1, 7) as u8, off));
+        let swap = Step::Act(crate::acts::Act::Swap(rng.between(1, 7) as u8, off));
         [vec![swap, Step::Wait(off + rng.spread(200 * MS, 6 * SECOND))], self.again()].concat()
     }
 

@@ -4,8 +4,7 @@
 mod flight;
 mod ground;
 
-use crate::context::Act;
-use crate::fate::Blow;
+use crate::acts::{Act, Blow};
 use crate::faults::Fault;
 use crate::history::{Cause, Demanded, MS, PilotCommand, Rules, SECOND};
 use crate::pilots::{Rng, View};
@@ -85,7 +84,7 @@ pub struct Director {
     /// The source that flies, and what it commands.
     main: usize,
     stick: Demanded,
-    /// Flies by shaft speed, where the ECU or a governor holds one.
+    /// Flies by shaft speed, where the ECU holds one.
     by_rpm: bool,
     /// Drills that still follow until the engine is shut down.
     left: u64,
@@ -172,7 +171,8 @@ impl Director {
 
     /// A demand for a while.
     fn demand(&self, rng: &mut Rng, view: &View) -> Demanded {
-        match view.max_rpm.or(self.rules.governor.then_some(100_000)) {
+        // None for a governor: it is refused where the shaft speed is not known, and its source then counts as silent (5000060).
+        match view.max_rpm {
             Some(max) if self.by_rpm => {
                 Demanded::Rpm((u64::from(max) * rng.between(45, 100) / 100) as u32 / 100 * 100)
             }

@@ -1,0 +1,34 @@
+//! What happens to an engine and to the node, one thing at a time: by a script, or by chance.
+
+use crate::faults::Fault;
+use crate::history::{Cause, PilotCommand};
+
+/// What a case or a drill does with an engine.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Act {
+    /// The source repeats this from now on, every 0.1 s; `None`: it is silent.
+    Stream(usize, Option<PilotCommand>),
+    /// The source commands this once.
+    Once(usize, PilotCommand),
+    /// This goes wrong for this long, µs.
+    Fault(Fault, u64),
+    /// The same, beside what goes wrong already.
+    Beside(Fault, u64),
+    /// Another ECU, of this version, is plugged in; without power for this long, µs.
+    Swap(u8, u64),
+}
+
+/// A reset, and what goes with it.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Blow {
+    pub at: u64,
+    /// How long there is no node.
+    pub down: u64,
+    pub cause: Cause,
+    /// The ECUs lose their power together with the node.
+    pub with_ecu: bool,
+    /// The node comes back with other settings.
+    pub other_settings: bool,
+    /// The node begins as one that runs another engine: what was retained is not its own.
+    pub other_engine: bool,
+}
