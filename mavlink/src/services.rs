@@ -137,4 +137,27 @@ mod tests {
             assert!(of(first, second).is_err(), "{first} {second}");
         }
     }
+
+    /// The compiler names here the services of a new protocol.
+    const fn number(service: Service) -> u8 {
+        match service {
+            Service::Amt(amt::config::Service::Ctf) => 10,
+            Service::Zk(zk::config::Service::Action(_)) => 20,
+            Service::Zk(zk::config::Service::IgnitionPump(_)) => 21,
+            Service::Zk(zk::config::Service::Curve(_)) => 22,
+        }
+    }
+
+    #[test]
+    fn every_service_of_an_ecu_has_a_number() {
+        let voltage = IgnitionPumpVoltage::from_millivolts(Millivolts::new(2000)).unwrap();
+        for (service, second) in [
+            (Service::Amt(amt::config::Service::Ctf), 0.0),
+            (Service::Zk(zk::config::Service::Action(Action::ALL[4])), f32::from(Action::ALL[4].code())),
+            (Service::Zk(zk::config::Service::IgnitionPump(voltage)), 2000.0),
+            (Service::Zk(zk::config::Service::Curve(AccelerationCurve::new(40).unwrap())), 40.0),
+        ] {
+            assert_eq!(of(number(service).into(), second), Ok(NodeService::Ecu(service)));
+        }
+    }
 }
