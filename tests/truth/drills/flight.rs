@@ -2,7 +2,7 @@
 
 use super::{Condition, Director, IDLE, Step, beside, fault, once, silent, stream, throttle};
 use crate::faults::Fault;
-use crate::history::{Cause, Kind, MS, PilotCommand, SECOND};
+use crate::history::{Cause, MS, PilotCommand, SECOND};
 use crate::pilots::Rng;
 use sim::turbine::EgtSensor;
 
@@ -40,7 +40,7 @@ impl Director {
     }
 
     pub(super) const fn is_amt(&self) -> bool {
-        matches!(self.rules.kind, Kind::Amt)
+        self.rules.kind.is_amt()
     }
 
     const fn age(&self) -> u64 {
@@ -75,9 +75,10 @@ impl Director {
 
     /// A cut for no longer than the ECU puts up with.
     fn outlived(&self, length: u64) -> u64 {
-        match self.rules.kind {
-            Kind::Zk(5..) => length,
-            _ => length.min(self.rules.gives_up_after * 85 / 100),
+        if self.rules.kind.continues_without_commands() {
+            length
+        } else {
+            length.min(self.rules.gives_up_after * 85 / 100)
         }
     }
 
