@@ -37,6 +37,7 @@ use jetlink::telemetry::Telemetry;
 use jetlink::units::Millivolts;
 use jetlink::watch::RunnerWatch;
 use jetlink_fw::config::{ENGINES, OUTPUTS, RADIO, SUPPLY, TELEMETRY};
+use jetlink_rc::shared::Changes;
 use static_cell::{ConstStaticCell, StaticCell};
 // The sentences that MAVLink sends are in the image: the log takes the same, and not their formats for defmt beside them.
 use defmt::Display2Format as Text;
@@ -151,7 +152,9 @@ fn main() -> ! {
         if OUTPUTS.is_some()
             && let Some(outputs) = outputs
         {
-            spawner.spawn(defmt::unwrap!(log_outputs()));
+            // Subscribe before the outputs are driven, so that what they are after the reset is not missed.
+            let changes = defmt::unwrap!(SHARED.changes());
+            spawner.spawn(defmt::unwrap!(log_outputs(changes)));
             engines.spawn(defmt::unwrap!(drive_outputs(node, outputs)));
         }
         #[cfg(feature = "play-ecu")]
@@ -400,8 +403,8 @@ async fn drive_outputs(node: &'static Node<N>, outputs: crate::outputs::All) {
 }
 
 #[embassy_executor::task]
-async fn log_outputs() {
-    crate::outputs::log().await
+async fn log_outputs(changes: Changes<'static>) {
+    crate::outputs::log(changes).await
 }
 
 #[cfg(feature = "play-ecu")]

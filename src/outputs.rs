@@ -8,7 +8,7 @@ use jetlink::node::Node;
 use jetlink_fw::config::{BUZZER, ENGINES, OUTPUTS, RADIO};
 use jetlink_rc::outputs::Outputs;
 use jetlink_rc::settings::OutputSettings;
-use jetlink_rc::shared::Shared;
+use jetlink_rc::shared::{Changes, Shared};
 use jetlink_rc::starts::LIVED;
 use jetlink_rc::wiring::OutputConfig;
 
@@ -115,8 +115,7 @@ pub async fn serve(node: &'static Node<N>, mut all: All) -> ! {
 }
 
 /// Logs each change of an output and why. In thread mode, below the outputs themselves.
-pub async fn log() -> ! {
-    let mut changes = defmt::unwrap!(SHARED.changes());
+pub async fn log(mut changes: Changes<'static>) -> ! {
     loop {
         match changes.next_message().await {
             WaitResult::Message((engine, change)) => {
