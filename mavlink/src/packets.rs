@@ -37,12 +37,12 @@ struct State {
     /// A program has the port open and says so (DTR).
     terminal: bool,
     /// A packet has come. Not every program says that it is there.
-    heard: bool,
+    received: bool,
     is_open: bool,
     openings: u32,
 }
 
-/// Whether a program on the host has the port open. It does no IO: it is told what the host does.
+/// Whether a program on the host has the port open. It does no IO: it is given what the host does.
 #[derive(Default)]
 pub struct Connection {
     state: Cell<State>,
@@ -62,7 +62,7 @@ impl Connection {
             configured: false,
             suspended: false,
             terminal: false,
-            heard: false,
+            received: false,
             is_open: false,
             openings: 0,
         };
@@ -77,12 +77,12 @@ impl Connection {
 
     /// The host has configured the device, or ends that. Either way no program has the port open any more.
     pub fn set_configured(&self, configured: bool) {
-        self.change(|state| State { configured, terminal: false, heard: false, ..state });
+        self.change(|state| State { configured, terminal: false, received: false, ..state });
     }
 
     /// The bus is idle, as with a host that sleeps or a cable that was pulled, or is no longer.
     pub fn set_suspended(&self, suspended: bool) {
-        self.change(|state| State { suspended, heard: false, ..state });
+        self.change(|state| State { suspended, received: false, ..state });
     }
 
     /// A program on the host opens the port, or closes it (DTR).
@@ -90,20 +90,20 @@ impl Connection {
         let opens = terminal && !self.state.get().terminal;
         // It may be the next one of those that say nothing.
         if opens {
-            self.change(|state| State { heard: false, ..state });
+            self.change(|state| State { received: false, ..state });
         }
-        self.change(|state| State { terminal, heard: state.heard && terminal, ..state });
+        self.change(|state| State { terminal, received: state.received && terminal, ..state });
     }
 
     /// A packet has come: a program has the port open, whether it says so or not.
     pub fn packet_came(&self) {
-        self.change(|state| State { heard: true, ..state });
+        self.change(|state| State { received: true, ..state });
     }
 
     fn change(&self, change: impl FnOnce(State) -> State) {
         let before = self.state.get();
         let mut state = change(before);
-        state.is_open = state.configured && !state.suspended && (state.terminal || state.heard);
+        state.is_open = state.configured && !state.suspended && (state.terminal || state.received);
         if state.is_open && !before.is_open {
             state.openings = state.openings.wrapping_add(1);
         }

@@ -405,7 +405,7 @@ pub struct Rules {
     pub pump_bound: u64,
     /// Time from the last command to the ECU's own stop: AMT's serial delay, ZK's loss time up to version 4.
     pub gives_up_after: u64,
-    /// What the node believes of the latter.
+    /// What the node assumes of the latter.
     pub serial_delay: u64,
     /// A frame to the ECU on the wire.
     pub frame: u64,

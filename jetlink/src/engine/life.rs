@@ -16,7 +16,7 @@ use embassy_time::{Duration, Instant};
 const AGREEING: u8 = 2;
 
 /// Largest difference between two throttles that agree, in 0.1 %: a running engine's may move.
-const AGREED_BAND: u16 = 20;
+const AGREEING_BAND: u16 = 20;
 
 /// Progress of an engine in this life.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -519,7 +519,7 @@ impl Finding {
                     _ => false,
                 };
                 let same = match (self.throttle, throttle) {
-                    (Some(a), Some(b)) => a.tenths().abs_diff(b.tenths()) <= AGREED_BAND,
+                    (Some(a), Some(b)) => a.tenths().abs_diff(b.tenths()) <= AGREEING_BAND,
                     (a, b) => a == b,
                 };
                 self.throttle = throttle;

@@ -65,7 +65,7 @@ pub fn random(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {
     (config, AnyConfig::Amt(ecu))
 }
 
-/// A fault of it clears, and in some it waits for longer without a reply than the node believes.
+/// A fault of it clears, and in some it waits for longer without a reply than the node assumes.
 pub fn for_drills(rng: &mut Rng, engine: &mut EngineConfig, ecu: &mut AmtConfig) {
     ecu.temper.trips_clear_after = Some(rng.spread(500, 10_000) * 1_000_000);
     if let EcuConfig::Amt(amt) = &mut engine.ecu

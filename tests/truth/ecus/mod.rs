@@ -17,7 +17,7 @@ pub fn random(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {
     if rng.percent(45) { amt::random(rng, port) } else { zk::random(rng, port) }
 }
 
-/// Makes an engine start and cool quickly, and an AMT ECU that waits for longer than the node believes.
+/// Makes an engine start and cool quickly, and an AMT ECU that waits for longer than the node assumes.
 pub fn quicken(rng: &mut Rng, engine: &mut EngineConfig, ecu: &mut AnyConfig) {
     let turbine = match ecu {
         AnyConfig::Amt(config) => &mut config.turbine,

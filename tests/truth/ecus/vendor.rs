@@ -43,7 +43,7 @@ pub struct Facts {
     pub round: u64,
     /// It stops its engine by itself without a command for this long.
     pub gives_up_after: Nanos,
-    /// What the node believes of it.
+    /// What the node assumes of it.
     pub serial_delay: Nanos,
     /// A frame to it on the wire.
     pub frame: Nanos,

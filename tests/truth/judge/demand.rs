@@ -74,7 +74,7 @@ impl Case<'_> {
         false
     }
 
-    /// Nothing was received for longer than a gap since the frame before, or the transmitter hung: not for so long that the order is given
+    /// Nothing was received for longer than a gap since the frame before, or the transmitter hung: not until the order is given
     /// up, and with no reset.
     fn doubted(&self, when: u64, at: u64) -> bool {
         let h = self.h;

@@ -133,7 +133,7 @@ impl Case<'_> {
         self.h.resets.iter().map(|reset| reset.up).take_while(|up| *up <= at).last().unwrap_or(0)
     }
 
-    /// Commands that nobody gave.
+    /// Unsolicited commands.
     fn not_received(&self, words: &Words<'_>) -> Vec<(u64, String)> {
         let h = self.h;
         let mut wrong = Vec::new();
@@ -372,7 +372,7 @@ impl Case<'_> {
         for Answered { at, .. } in words.mavlink.answers.iter().filter(|answer| answer.accepted) {
             let says = |word: Word| matches!(word, Word::Start { .. } | Word::Stop);
             if !words.now(*at).any(says) && words.tolerance(*at) == 0 {
-                wrong.push((*at, "a command is accepted that nobody gave".into()));
+                wrong.push((*at, "an unsolicited command is accepted".into()));
             }
         }
         let mut before: Option<u64> = None;
