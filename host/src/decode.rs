@@ -3,7 +3,7 @@
 //! Holds one read buffer, one line of output and one incomplete frame, however long the input is. What the stream reports about
 //! itself wins over the hints of the command line.
 
-use crate::decode_hint::{Hint, Other};
+use crate::decode_hint::{Beside, Hint};
 use crate::json::Record;
 use crate::telemetry::decoder::Decoder;
 use crate::telemetry::{self, Protocol};
@@ -85,12 +85,12 @@ Examples:
 /// Runs it.
 pub fn run(args: Args) -> ExitCode {
     let decoder = args.protocol.decoder(&args.hints);
-    let others = args.protocol.others().map(Other::new).collect();
+    let beside = Beside::new(args.protocol);
     let outcome = args
         .hints
         .check(args.protocol)
         .map_err(Failure::Arguments)
-        .and_then(|()| decode_file(args.file, decoder, others));
+        .and_then(|()| decode_file(args.file, decoder, beside));
     // Once standard error is gone nothing can be printed, so a failure to print is not a failure.
     match outcome {
         Ok(summary) => {
@@ -124,11 +124,7 @@ impl fmt::Display for Failure {
     }
 }
 
-fn decode_file(
-    file: Option<PathBuf>,
-    decoder: Box<dyn Decoder>,
-    others: Vec<Other>,
-) -> Result<Summary, Failure> {
+fn decode_file(file: Option<PathBuf>, decoder: Box<dyn Decoder>, beside: Beside) -> Result<Summary, Failure> {
     let file = file.filter(|path| path.as_os_str() != "-");
     let name = file.as_ref().map_or_else(|| "standard input".into(), |path| path.display().to_string());
     let input: io::Result<Box<dyn Read>> = match file {
@@ -140,7 +136,7 @@ fn decode_file(
         &mut input.map_err(unreadable)?,
         &mut BufWriter::with_capacity(BUFFER, io::stdout().lock()),
         decoder,
-        others,
+        beside,
         unreadable,
     )
 }
@@ -149,7 +145,7 @@ fn decode(
     input: &mut dyn Read,
     output: &mut dyn Write,
     mut decoder: Box<dyn Decoder>,
-    mut others: Vec<Other>,
+    mut beside: Beside,
     unreadable: impl Fn(io::Error) -> Failure,
 ) -> Result<Summary, Failure> {
     let mut summary = Summary::default();
@@ -162,7 +158,7 @@ fn decode(
             Err(error) if error.kind() == ErrorKind::Interrupted => continue,
             Err(error) => return Err(unreadable(error)),
         };
-        others.iter_mut().for_each(|other| other.feed(&buffer[..count]));
+        beside.feed(&buffer[..count]);
         let before = decoder.counters();
         let mut rest = &buffer[..count];
         while !rest.is_empty() {
@@ -183,7 +179,7 @@ fn decode(
     }
     summary.pending = decoder.pending();
     let outside = summary.bytes - summary.in_frames - summary.pending as u64;
-    summary.hint = Hint::of(summary.bytes, outside, decoder.name(), others);
+    summary.hint = Hint::of(summary.bytes, outside, decoder.name(), beside);
     Ok(summary)
 }
 
@@ -248,13 +244,7 @@ mod tests {
         let mut input = Script(script.into_iter().collect());
         let decoder = Protocol::Zk.decoder(&telemetry::Hints::default());
         let unreadable = |error| Failure::Input { name: "the script".into(), error };
-        let result = decode(
-            &mut input,
-            &mut output,
-            decoder,
-            Protocol::Zk.others().map(Other::new).collect(),
-            unreadable,
-        );
+        let result = decode(&mut input, &mut output, decoder, Beside::new(Protocol::Zk), unreadable);
         (String::from_utf8(output).unwrap(), result)
     }
 

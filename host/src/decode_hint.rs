@@ -1,14 +1,77 @@
-//! What the other protocol would find in the same bytes, for anyone who named the wrong one.
+//! What else the same bytes are, for anyone who named the wrong protocol or took the wrong line: the frames of the other
+//! protocol, or the commands to an ECU.
 
 use crate::telemetry::decoder::Decoder;
+use crate::telemetry::{Hints, Protocol};
+use sim::control::Command;
 use std::fmt;
 
 /// What the other protocol would find shows in the beginning: a long input is not decoded twice.
 const READS_ALONG: u64 = 1024 * 1024;
 
+/// All that reads along.
+#[derive(Debug)]
+pub struct Beside {
+    others: Vec<Other>,
+    commands: Vec<Commands>,
+}
+
+impl Beside {
+    /// Beside this one.
+    pub fn new(tried: Protocol) -> Self {
+        Self {
+            others: tried.others().map(Other::new).collect(),
+            commands: Protocol::all().map(Commands::new).collect(),
+        }
+    }
+
+    /// Takes what was read.
+    pub fn feed(&mut self, bytes: &[u8]) {
+        self.others.iter_mut().for_each(|other| other.feed(bytes));
+        self.commands.iter_mut().for_each(|commands| commands.feed(bytes));
+    }
+}
+
+/// Commands to an ECU of one protocol, among the bytes that are read along.
+#[derive(Debug)]
+struct Commands {
+    protocol: Protocol,
+    /// What may be the beginning of one.
+    pending: Vec<u8>,
+    frames: u64,
+    bytes: u64,
+    in_frames: u64,
+}
+
+impl Commands {
+    const fn new(protocol: Protocol) -> Self {
+        Self { protocol, pending: Vec::new(), frames: 0, bytes: 0, in_frames: 0 }
+    }
+
+    fn feed(&mut self, bytes: &[u8]) {
+        let left = usize::try_from(READS_ALONG - self.bytes).unwrap_or(usize::MAX);
+        let protocol = self.protocol.on_wire();
+        let length = protocol.control_length();
+        for &byte in bytes.iter().take(left) {
+            self.bytes += 1;
+            self.pending.push(byte);
+            if self.pending.len() < length {
+                continue;
+            }
+            if Command::read(protocol, &self.pending).is_ok() {
+                self.frames += 1;
+                self.in_frames += length as u64;
+                self.pending.clear();
+            } else {
+                self.pending.remove(0);
+            }
+        }
+    }
+}
+
 /// Another protocol, reading along.
 #[derive(Debug)]
-pub struct Other {
+struct Other {
     decoder: Box<dyn Decoder>,
     frames: u64,
     bytes: u64,
@@ -17,12 +80,12 @@ pub struct Other {
 
 impl Other {
     /// This decoder reads along.
-    pub fn new(decoder: Box<dyn Decoder>) -> Self {
+    fn new(decoder: Box<dyn Decoder>) -> Self {
         Self { decoder, frames: 0, bytes: 0, in_frames: 0 }
     }
 
     /// Takes what was read.
-    pub fn feed(&mut self, bytes: &[u8]) {
+    fn feed(&mut self, bytes: &[u8]) {
         let left = usize::try_from(READS_ALONG - self.bytes).unwrap_or(usize::MAX);
         let mut bytes = &bytes[..bytes.len().min(left)];
         self.bytes += bytes.len() as u64;
@@ -43,25 +106,40 @@ pub struct Hint {
     tried: &'static str,
     bytes: u64,
     outside: u64,
-    other: &'static str,
-    other_frames: u64,
-    other_bytes: u64,
-    other_outside: u64,
+    found: Found,
+}
+
+/// What they are.
+#[derive(Debug)]
+enum Found {
+    /// Frames of another protocol, if any.
+    Other { name: &'static str, frames: u64, bytes: u64, outside: u64 },
+    /// Commands to an ECU of this protocol: the other line.
+    Commands { name: &'static str, frames: u64, bytes: u64, inside: u64 },
 }
 
 impl Hint {
-    /// Where over half of all bytes lie outside of every frame. It names the protocol that would find most.
-    pub fn of(bytes: u64, outside: u64, tried: &'static str, others: Vec<Other>) -> Option<Self> {
+    /// Where over half of all bytes lie outside of every frame. It names what would find most.
+    pub fn of(bytes: u64, outside: u64, tried: &'static str, beside: Beside) -> Option<Self> {
+        let Beside { others, commands } = beside;
         let other = others.into_iter().max_by_key(|other| other.in_frames)?;
-        (outside * 2 > bytes).then(|| Self {
-            tried,
-            bytes,
-            outside,
-            other: other.decoder.name(),
-            other_frames: other.frames,
-            other_bytes: other.bytes,
-            other_outside: other.bytes - other.in_frames - other.decoder.pending() as u64,
-        })
+        let commands = commands.into_iter().max_by_key(|commands| commands.in_frames)?;
+        let found = if commands.in_frames * 2 > commands.bytes && commands.in_frames > other.in_frames {
+            Found::Commands {
+                name: commands.protocol.decoder(&Hints::default()).name(),
+                frames: commands.frames,
+                bytes: commands.bytes,
+                inside: commands.in_frames,
+            }
+        } else {
+            Found::Other {
+                name: other.decoder.name(),
+                frames: other.frames,
+                bytes: other.bytes,
+                outside: other.bytes - other.in_frames - other.decoder.pending() as u64,
+            }
+        };
+        (outside * 2 > bytes).then_some(Self { tried, bytes, outside, found })
     }
 }
 
@@ -78,18 +156,29 @@ impl fmt::Display for Hint {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "hint: {} % of the bytes are in no {} frame; --protocol {} would find {} frames and leave {} %",
+            "hint: {} % of the bytes are in no {} frame",
             percent(self.outside, self.bytes),
-            self.tried,
-            self.other,
-            self.other_frames,
-            percent(self.other_outside, self.other_bytes)
+            self.tried
         )?;
-        if self.other_bytes < self.bytes {
-            write!(f, " of the first {} bytes", self.other_bytes)?;
-        }
-        if self.other_outside * 2 > self.other_bytes {
-            write!(f, ": check the baud rate, the stop bits and the levels of the line")?;
+        let of_the_first = |bytes: u64| match bytes {
+            all if all == self.bytes => String::new(),
+            bytes => format!(" of the first {bytes} bytes"),
+        };
+        match self.found {
+            Found::Other { name, frames, bytes, outside } => {
+                let (share, of) = (percent(outside, bytes), of_the_first(bytes));
+                write!(f, "; --protocol {name} would find {frames} frames and leave {share} %{of}")?;
+                if outside * 2 > bytes {
+                    write!(f, ": check the baud rate, the stop bits and the levels of the line")?;
+                }
+            }
+            Found::Commands { name, frames, bytes, inside } => {
+                let (share, of) = (percent(inside, bytes), of_the_first(bytes));
+                write!(
+                    f,
+                    "; {frames} commands to an {name} ECU have {share} %{of}: decode reads the other line, from the ECU"
+                )?;
+            }
         }
         Ok(())
     }

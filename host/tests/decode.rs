@@ -446,6 +446,32 @@ fn the_wrong_protocol_is_hinted_at() {
     }
 }
 
+/// A capture of the rig has a file for each direction, and anyone may tap the wrong wire.
+#[test]
+fn commands_to_an_ecu_are_hinted_at() {
+    let hint = |args: &[&str], input: &[u8]| {
+        let outcome = decode(args, input);
+        assert_eq!((outcome.status, outcome.stdout.lines().count()), (0, 0), "{outcome:?}");
+        outcome.stderr.lines().last().unwrap().to_owned()
+    };
+    let amt = [0xFF, 0x12, 0x20, 0x12, 0x20].repeat(20);
+    // ID 1 with standby and the throttle at idle.
+    let zk = [0xFF, 0x12, 0x00, sim::zk::crc8(&[0x12, 0x00])].repeat(20);
+    for protocol in ["amt", "zk"] {
+        for (name, input) in [("amt", &amt), ("zk", &zk)] {
+            let hint = hint(&["--protocol", protocol], input);
+            let end = format!(
+                " % of the bytes are in no {protocol} frame; 20 commands to an {name} ECU have 100 %: decode reads the other line, \
+                 from the ECU"
+            );
+            assert!(hint.starts_with("hint: ") && hint.ends_with(&end), "{hint}");
+        }
+    }
+    // Few of them among other bytes are no such line.
+    let few = [&amt[..20], &[0x55; 200]].concat();
+    assert!(hint(&["--protocol", "zk"], &few).ends_with("the levels of the line"));
+}
+
 #[test]
 fn summary_counts_what_zk_lost() {
     let mut broken = ZK_EXAMPLE;

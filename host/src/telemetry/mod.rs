@@ -44,6 +44,13 @@ macro_rules! decoders {
                     $(Self::$name => Box::new($module::$name::new(hints.$module)),)+
                 }
             }
+
+            /// The same protocol, as the simulation names it.
+            pub const fn on_wire(self) -> sim::any::Protocol {
+                match self {
+                    $(Self::$name => sim::any::Protocol::$name,)+
+                }
+            }
         }
 
         impl From<sim::any::Protocol> for Protocol {
@@ -58,9 +65,13 @@ macro_rules! decoders {
 protocols!(decoders);
 
 impl Protocol {
+    /// All of them.
+    pub fn all() -> impl Iterator<Item = Self> {
+        Self::value_variants().iter().copied()
+    }
+
     /// The decoders of the other protocols.
     pub fn others(self) -> impl Iterator<Item = Box<dyn Decoder>> {
-        let all = Self::value_variants().iter();
-        all.filter(move |other| **other != self).map(|other| other.decoder(&Hints::default()))
+        Self::all().filter(move |other| *other != self).map(|other| other.decoder(&Hints::default()))
     }
 }
