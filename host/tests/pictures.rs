@@ -62,13 +62,14 @@ fn drawings() -> Vec<PathBuf> {
 }
 
 #[test]
-fn each_text_of_the_pictures_can_be_read() {
+fn each_text_of_the_pictures_can_be_read_and_is_where_it_belongs() {
     let drawings = drawings();
     assert!(drawings.len() >= 16, "{drawings:?}");
     let found = drawings.iter().flat_map(|path| {
         let svg = std::fs::read_to_string(path).expect("a picture");
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        picture::hard_to_read(&svg).into_iter().map(move |what| format!("{name}: {what}"))
+        let what = picture::hard_to_read(&svg).into_iter().chain(picture::false_names(&svg));
+        what.map(move |what| format!("{name}: {what}")).collect::<Vec<_>>()
     });
     let found: Vec<String> = found.collect();
     assert!(found.is_empty(), "{}", found.join("\n"));
@@ -98,5 +99,80 @@ fn what_makes_a_text_hard_to_read_is_found() {
     ] {
         let found = picture(&elements);
         assert!(found.contains(expected) && found.is_empty() == expected.is_empty(), "{elements}: {found}");
+    }
+}
+
+#[test]
+fn what_is_named_falsely_is_found() {
+    let picture = |elements: &str| picture::false_names(&format!("<svg>{elements}</svg>")).join("; ");
+    let text =
+        |x: u32, y: u32, text: &str| format!("<text x=\"{x}\" y=\"{y}\" font-size=\"13\">{text}</text>");
+    let name = |x| text(x, 100, "nothing received");
+    let rect = |x: u32, width: u32, height: u32, fill: &str| {
+        format!("<rect x=\"{x}\" y=\"0\" width=\"{width}\" height=\"{height}\" fill=\"{fill}\"/>")
+    };
+    let gap = rect(300, 20, 180, "#c9c9c9");
+    let leader = "<polyline points=\"398,96 316,96\"/>";
+    let more = text(500, 20, "1 more marked without a name: no room");
+    for (elements, expected) in [
+        (gap.clone() + &name(305), ""),
+        (gap.clone() + &name(323), ""),
+        (gap.clone() + &name(400) + leader, ""),
+        (gap.clone() + &name(400), "is at no gap; the gap at x = 300 has no name"),
+        (gap.clone(), "the gap at x = 300 has no name"),
+        (gap + &more, ""),
+        (rect(300, 3, 180, "#c9c9c9"), ""),
+        // On the wire, in the dark.
+        (rect(300, 20, 18, "#3d444d"), ""),
+        (rect(300, 200, 330, "#eeeeee"), "the stage from x = 300 to 500 has no name"),
+        (rect(300, 200, 330, "#eeeeee") + &text(400, 320, "steps"), ""),
+        (rect(300, 200, 330, "#eeeeee") + &text(480, 320, "steps"), "has no name"),
+        (text(1200, 100, "75 %"), "`75 %` runs out of the plot"),
+    ] {
+        let found = picture(&elements);
+        assert!(found.contains(expected) && found.is_empty() == expected.is_empty(), "{elements}: {found}");
+    }
+}
+
+/// Faults by key, whose names have no room at their gaps.
+#[test]
+fn names_of_gaps_and_stages_belong_to_them() {
+    let script = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("names.txt");
+    let lines = [
+        "jetlink rig script, version 0.1.0",
+        "engine name=left,ecu=amt,engine=olympus,baud=2400",
+        "engine name=z,ecu=zk",
+        "10 all arm",
+        "10.1 all start",
+        "60 left throttle 60",
+        "70 left cut",
+        "72 left mend",
+        "80 left flame-out",
+        "90 z throttle 50",
+        "100 z cut-to-node",
+        "106 z mend-to-node",
+        "110 all node-reset",
+        "120 all standby",
+        "230 end",
+    ];
+    std::fs::write(&script, lines.join("\n")).expect("written");
+    let script = script.to_str().expect("a path");
+    let played_txt = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/captures/played.txt");
+    let played_txt = played_txt.to_str().expect("a path");
+    for (name, args, gaps, stages) in [
+        ("names", &["--script", script][..], 4, &["played"][..]),
+        ("names-played", &["--script", played_txt], 1, &["played"]),
+        ("names-long", &["--duration", "30m"], 0, &["steps", "steps", "steps", "steps"]),
+    ] {
+        let (_, svg) = played(name, args);
+        let found: Vec<String> =
+            picture::hard_to_read(&svg).into_iter().chain(picture::false_names(&svg)).collect();
+        assert!(found.is_empty(), "{name}: {}", found.join("\n"));
+        let count = |text: &str| svg.matches(&format!(">{text}</text>")).count();
+        assert!(count("nothing received") >= gaps, "{name}: {}", count("nothing received"));
+        for stage in stages {
+            let expected = stages.iter().filter(|other| *other == stage).count();
+            assert!(count(stage) >= expected, "{name}: {stage}: {}", count(stage));
+        }
     }
 }

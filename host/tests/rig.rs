@@ -247,7 +247,8 @@ fn texts(path: &std::path::Path) -> Vec<String> {
         let size: u32 = node.attribute("font-size").expect("a size").parse().expect("pixels");
         assert!(size >= 13, "too small to be read: {node:?}");
     }
-    let found = picture::hard_to_read(&text);
+    let found: Vec<String> =
+        picture::hard_to_read(&text).into_iter().chain(picture::false_names(&text)).collect();
     assert!(found.is_empty(), "{}: {}", path.display(), found.join("\n"));
     let nodes = xml.descendants().filter(|node| node.is_text());
     nodes.filter_map(|node| node.text()).map(|text| text.trim().to_owned()).collect()

@@ -139,3 +139,74 @@ pub fn hard_to_read(svg: &str) -> Vec<String> {
     }
     found
 }
+
+/// Colours of the ground where nothing is received, and the height of the curves, which no other rectangle of them has.
+const GAPS: [&str; 2] = ["#c9c9c9", "#3d444d"];
+const CURVES: f64 = 180.0;
+/// The heights that the grounds of stages have, and nothing else.
+const STAGES: core::ops::Range<f64> = 300.0..340.0;
+const STAGE_NAMES: [&str; 10] =
+    ["standby", "start", "idle", "steps", "cooling", "done", "failed", "event", "played", "commanded"];
+/// A gap that is no wider need not be named.
+const SHORTEST_GAP: f64 = 4.1;
+/// Where the time axis of a plot ends, and the size of the texts that stand over it.
+const RIGHT: f64 = 1220.0;
+const SMALL: &str = "13";
+
+/// What is named falsely in the plot of a run: a name that does not touch its gap and has no leader into it, a gap without a
+/// name where the picture does not say that one is missing, a long stage without its name, a text beyond the time axis.
+pub fn false_names(svg: &str) -> Vec<String> {
+    let xml = Document::parse(svg).expect("well-formed XML");
+    let named = |kind: &'static str| xml.descendants().filter(move |node| node.has_tag_name(kind));
+    let grounds: Vec<(&str, Area)> = named("rect")
+        .filter(|node| node.attribute("x").is_some())
+        .map(|node| {
+            let (left, top) = (number(&node, "x"), number(&node, "y"));
+            let (right, bottom) = (left + number(&node, "width"), top + number(&node, "height"));
+            (node.attribute("fill").unwrap_or_default(), Area { left, top, right, bottom })
+        })
+        .collect();
+    let height = |area: &Area| area.bottom - area.top;
+    let is_gap = |fill: &&str, area: &Area| GAPS.contains(fill) && (height(area) - CURVES).abs() < 0.2;
+    let gaps: Vec<Area> =
+        grounds.iter().filter(|(fill, area)| is_gap(fill, area)).map(|(_, area)| *area).collect();
+    let texts: Vec<(&str, &str, Area)> = named("text")
+        .filter_map(|node| Some((node.text()?, node.attribute("font-size")?, area_of(&node, node.text()?))))
+        .collect();
+    let lines: Vec<_> = named("polyline").flat_map(|node| straight_lines(&node)).collect();
+    // A leader begins beside the name, and ends in what it names.
+    let leads = |name: Area, gap: Area| {
+        lines.iter().any(|&(from, to)| {
+            let at = |(x, y), area: Area| Area { left: x, right: x, top: y, bottom: y }.is_within(area);
+            at(from, name.smaller(-4.0)) && at(to, gap.smaller(-0.1))
+        })
+    };
+
+    let mut found = Vec::new();
+    let mut without = vec![true; gaps.len()];
+    for &(text, _, name) in texts.iter().filter(|(text, ..)| *text == "nothing received") {
+        let named = gaps.iter().position(|gap| name.smaller(-4.0).meets(*gap));
+        match named.or_else(|| gaps.iter().position(|&gap| leads(name, gap))) {
+            Some(gap) => without[gap] = false,
+            None => found.push(format!("`{text}` at x = {:.0} is at no gap", name.left)),
+        }
+    }
+    let says_so = texts.iter().any(|(text, ..)| text.contains("more marked without a name"));
+    for (gap, _) in gaps.iter().zip(without).filter(|(_, without)| *without && !says_so) {
+        if gap.right - gap.left > SHORTEST_GAP {
+            found.push(format!("the gap at x = {:.0} has no name", gap.left));
+        }
+    }
+    for (_, ground) in grounds.iter().filter(|(_, area)| STAGES.contains(&height(area))) {
+        let is_name = |(text, _, area): &(&str, &str, Area)| {
+            STAGE_NAMES.contains(text) && area.is_within(ground.smaller(-1.0))
+        };
+        if ground.right - ground.left > 120.0 && !texts.iter().any(is_name) {
+            found.push(format!("the stage from x = {:.0} to {:.0} has no name", ground.left, ground.right));
+        }
+    }
+    for (text, ..) in texts.iter().filter(|(_, size, area)| *size == SMALL && area.right > RIGHT + 0.5) {
+        found.push(format!("`{text}` runs out of the plot"));
+    }
+    found
+}

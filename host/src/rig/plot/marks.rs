@@ -82,9 +82,10 @@ pub fn lanes(happened: &[Happening], time: &Scale, sides: (f64, f64)) -> usize {
     last.map_or(0, |last| last + 1).max(LANES.0)
 }
 
-/// That there are lines without a name.
-pub fn unnamed(happened: &[Happening], time: &Scale, sides: (f64, f64)) -> Option<String> {
-    let count = marks(happened, time, sides).iter().filter(|mark| mark.lane.is_none()).count();
+/// That there are lines without a name, and areas: so many.
+pub fn unnamed(happened: &[Happening], time: &Scale, sides: (f64, f64), areas: usize) -> Option<String> {
+    let lines = marks(happened, time, sides).iter().filter(|mark| mark.lane.is_none()).count();
+    let count = lines + areas;
     (count > 0).then(|| format!("{count} more marked without a name: no room"))
 }
 
@@ -103,10 +104,10 @@ mod tests {
     fn marks_without_room_for_their_names_are_counted() {
         let time = Scale::new(0.0..100.0, SIDES.0..SIDES.1);
         let dense = |count: u32| of((0..count).map(|i| 50.0 + f64::from(i) / 10.0));
-        assert_eq!(unnamed(&dense(8), &time, SIDES), None);
+        assert_eq!(unnamed(&dense(8), &time, SIDES, 0), None);
         assert_eq!(
-            unnamed(&dense(11), &time, SIDES).as_deref(),
-            Some("3 more marked without a name: no room")
+            unnamed(&dense(11), &time, SIDES, 1).as_deref(),
+            Some("4 more marked without a name: no room")
         );
     }
 

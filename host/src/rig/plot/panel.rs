@@ -19,6 +19,7 @@ const RIBBON: f64 = 18.0;
 /// The names of the stages: lines of text, and their height.
 const STAGE_LINES: u32 = 2;
 const STAGE_LINE: f64 = 16.0;
+const STAGE_SIZE: u32 = 14;
 const BETWEEN: f64 = 16.0;
 /// The whole panel without those lines.
 const HEIGHT: f64 =
@@ -27,8 +28,10 @@ const HEIGHT: f64 =
 const SHORTEST_GAP: f64 = 4.0;
 /// Between two places that are tried for a text.
 const STEP: f64 = 8.0;
-/// A name that has no room where it belongs stands no farther beside it.
-const BESIDE: f64 = 40.0;
+/// A name that has no room where it belongs stands so far beside it, at least and at most.
+const LEADER: (f64, f64) = (12.0, 240.0);
+/// The middle of a text above its line of writing, in parts of its size.
+const MIDDLE: f64 = 0.26;
 /// Room above the highest value.
 const HEADROOM: f64 = 1.12;
 
@@ -74,9 +77,6 @@ impl Panel<'_> {
             format!("{}; demand: 100 % = {} rpm", self.subject.caption, thousands(self.subject.max_rpm))
         };
         svg.text((20.0, top + 21.0), 19, Anchor::Start, self.palette.ink, &caption);
-        if let Some(text) = unnamed(self.happened, self.time, self.sides) {
-            svg.text((self.sides.1, top + 21.0), SMALL, Anchor::End, self.palette.mark, &text);
-        }
         let stages = ribbon + RIBBON;
         let (rpm, egt) = self.scales(curves);
         let percent = Scale::new(0.0..100.0, strip + STRIP..strip);
@@ -93,14 +93,16 @@ impl Panel<'_> {
         self.stage_names(svg, stages);
         self.limit_name(svg, &egt);
         if self.subject.by_rpm {
-            let value = |point: &Point| point.demand_rpm.map(|band| band.most);
+            let value = |point: &Point| point.demand_rpm.and_then(level);
             self.levels(svg, &rpm, curves, curves + CURVES, &value, &thousands);
         } else {
-            let value = |point: &Point| point.throttle.map(|band| band.most);
+            let value = |point: &Point| point.throttle.and_then(level);
             self.levels(svg, &percent, strip, strip + STRIP, &value, &|percent| format!("{percent} %"));
         }
-        self.gap_names(svg, curves);
-        self.fault_set_names(svg, curves, &fault_sets);
+        let without_name = self.gap_names(svg, curves) + self.fault_set_names(svg, curves, &fault_sets);
+        if let Some(text) = unnamed(self.happened, self.time, self.sides, without_name) {
+            svg.text((self.sides.1, top + 21.0), SMALL, Anchor::End, self.palette.mark, &text);
+        }
     }
 
     fn at(&self, t: f64) -> f64 {
@@ -132,15 +134,20 @@ impl Panel<'_> {
         }
     }
 
-    /// Their names at the bottom, where no line is: a name may be longer than its stage, and one that would run out of the
-    /// picture ends with it.
+    /// Their names at the bottom, where no line is: first those of long stages, each anywhere in its own one. A name that is
+    /// longer than its stage begins with it, and one that would run out of the picture ends with it.
     fn stage_names(&self, svg: &mut Svg, top: f64) {
-        for (stage, from, _) in self.runs(|point| point.stage) {
+        let mut stages = self.runs(|point| point.stage);
+        stages.sort_by(|(_, from, to), (_, from_2, to_2)| (to_2 - from_2).total_cmp(&(to - from)));
+        for (stage, from, to) in stages {
             let (from, name) = (self.at(from) + 3.0, stage.name());
-            let at_end = from + width(name, 14) > self.sides.1;
-            let (x, anchor) = if at_end { (self.sides.1, Anchor::End) } else { (from, Anchor::Start) };
-            let lines = (1..=STAGE_LINES).map(|line| (x, top + f64::from(line) * STAGE_LINE - 2.0));
-            svg.place(lines, 14, anchor, self.palette.ink, name);
+            let wide = width(name, STAGE_SIZE);
+            let at_end = from + wide > self.sides.1;
+            let (first, anchor) = if at_end { (self.sides.1, Anchor::End) } else { (from, Anchor::Start) };
+            let places = steps(first, self.at(to) - wide, STEP).flat_map(|x| {
+                (1..=STAGE_LINES).map(move |line| (x, top + f64::from(line) * STAGE_LINE - 2.0))
+            });
+            svg.place(places, STAGE_SIZE, anchor, self.palette.ink, name);
         }
     }
 
@@ -156,27 +163,36 @@ impl Panel<'_> {
         }
     }
 
-    /// Beside one that is named another one is not, nor one that is too short to be seen.
-    fn gap_names(&self, svg: &mut Svg, top: f64) {
+    /// The name of each gap that is long enough to be seen: in it, or touching it, or else beside it with a leader into it.
+    /// Returns how many have none.
+    fn gap_names(&self, svg: &mut Svg, top: f64) -> usize {
         let text = "nothing received";
         let wide = width(text, SMALL);
-        let mut free = self.sides.0;
+        let bottom = top + CURVES;
+        let mut unnamed = 0;
         for (from, to) in self.silences().filter(|(from, to)| to - from > SHORTEST_GAP) {
-            let (left, right) = (from - 3.0 - wide, to + 3.0);
-            let inside = if from + 3.0 + wide > self.sides.1 { to - wide } else { from + 3.0 };
-            if inside < free {
+            let first = (from + 3.0).min(self.sides.1 - wide);
+            let is_inside = |x: f64| x > self.sides.0 && x + wide < self.sides.1;
+            let beside = [to + 3.0, from - 3.0 - wide].into_iter().filter(|x| is_inside(*x));
+            let touching =
+                within(first, to - wide, top, bottom).chain(beside.flat_map(|x| within(x, x, top, bottom)));
+            if svg.place(touching, SMALL, Anchor::Start, self.palette.ink, text) {
                 continue;
             }
-            // Within it, or else beside it.
-            let places = within(inside, to - wide, top, top + CURVES)
-                .chain(
-                    within(right, right + BESIDE, top, top + CURVES).filter(|(x, _)| x + wide < self.sides.1),
-                )
-                .chain(within(left - BESIDE, left, top, top + CURVES).filter(|(x, _)| *x > self.sides.0));
-            if svg.place(places, SMALL, Anchor::Start, self.palette.ink, text) {
-                free = inside + wide;
+            let inside = 4.0_f64.min((to - from) / 2.0);
+            let apart = steps(LEADER.0, LEADER.1, STEP).flat_map(|apart| {
+                let right = (to + apart, to - inside);
+                let left = (from - apart - wide, from + inside);
+                [right, left].into_iter().filter(|(x, _)| is_inside(*x)).flat_map(|(x, end)| {
+                    within(x, x, top, bottom)
+                        .map(move |(x, y)| ((x, y), (end, y - MIDDLE * f64::from(SMALL))))
+                })
+            });
+            if !svg.place_with_leader(apart, SMALL, self.palette.ink, text) {
+                unnamed += 1;
             }
         }
+        unnamed
     }
 
     /// The axes of rpm and EGT.
@@ -247,7 +263,8 @@ impl Panel<'_> {
         self.curve(svg, percent, self.palette.sent, 1.8, &|point| (false, point.sent_throttle), true);
     }
 
-    /// The value at each step of a demand, above its line or below it, where there is room for it.
+    /// The value at each step of a demand, above its line or below it, where there is room for it. A point that replaces
+    /// several samples has no step.
     fn levels(
         &self,
         svg: &mut Svg,
@@ -260,10 +277,13 @@ impl Panel<'_> {
         for (value, from, to) in self.runs(value) {
             let Some(value) = value else { continue };
             let (text, y) = (label(value), scale.at(value));
-            let last = self.at(to) - 3.0 - width(&text, SMALL);
+            let wide = width(&text, SMALL);
+            let (first, last) = (self.at(from) + 5.0, self.at(to) - 3.0 - wide);
+            if first + wide > self.sides.1 || (self.bands && first > last) {
+                continue;
+            }
             let heights = [y - 6.0, y + 15.0].into_iter().filter(|y| *y >= top + 10.0 && *y <= bottom - 2.0);
-            let places = steps(self.at(from) + 5.0, last, STEP / 2.0)
-                .flat_map(|x| heights.clone().map(move |y| (x, y)));
+            let places = steps(first, last, STEP / 2.0).flat_map(|x| heights.clone().map(move |y| (x, y)));
             svg.place(places, SMALL, Anchor::Start, self.palette.ink, &text);
         }
     }
@@ -373,20 +393,25 @@ impl Panel<'_> {
         sets
     }
 
-    fn fault_set_names(&self, svg: &mut Svg, top: f64, sets: &[(f64, f64)]) {
+    /// Returns how many have none.
+    fn fault_set_names(&self, svg: &mut Svg, top: f64, sets: &[(f64, f64)]) -> usize {
         let text = "fault sets: no rpm";
         let wide = width(text, SMALL);
-        for (from, to) in sets {
+        let mut unnamed = 0;
+        for (from, to) in sets.iter().filter(|(from, to)| to - from > SHORTEST_GAP) {
             let first = from.min(self.sides.1 - wide);
-            svg.place(
-                within(first, to - wide, top, top + CURVES - 4.0),
-                SMALL,
-                Anchor::Start,
-                self.palette.rpm,
-                text,
-            );
+            let places = within(first, to - wide, top, top + CURVES - 4.0);
+            if !svg.place(places, SMALL, Anchor::Start, self.palette.rpm, text) {
+                unnamed += 1;
+            }
         }
+        unnamed
     }
+}
+
+/// The value of a band that is no more than a line.
+fn level(band: Band) -> Option<f64> {
+    (band.least == band.most).then_some(band.most)
 }
 
 /// From the first to the last; the first one in any case.

@@ -47,6 +47,9 @@ const DESCENT: f64 = 0.24;
 
 /// Least distance of a placed text from those beside it.
 const APART: f64 = 4.0;
+/// Between a text and its leader, and the dot at the leader's other end.
+const LEADER_APART: f64 = 2.0;
+const DOT: f64 = 4.0;
 
 /// A picture that is being written.
 #[derive(Debug)]
@@ -157,18 +160,47 @@ impl Svg {
         fill: &str,
         text: &str,
     ) -> bool {
-        let is_free = |place: &(f64, f64)| {
-            let area = area(*place, size, anchor, text);
-            let [left, top, right, bottom] = area;
-            let around = [left - APART, top, right + APART, bottom];
-            self.texts.iter().all(|other| !overlap(around, *other))
-                && self.lines.iter().all(|line| !crosses(*line, area))
-        };
-        let free = places.into_iter().find(is_free);
+        let free = places.into_iter().find(|place| self.is_free(area(*place, size, anchor, text)));
         if let Some(place) = free {
             self.text(place, size, anchor, fill, text);
         }
         free.is_some()
+    }
+
+    /// The same for a text that stands apart from what it names: a leader goes from its nearer end to that point, over lines
+    /// and not over texts. The text begins at its place.
+    pub fn place_with_leader(
+        &mut self,
+        places: impl IntoIterator<Item = ((f64, f64), (f64, f64))>,
+        size: u32,
+        fill: &str,
+        text: &str,
+    ) -> bool {
+        let leader = |place: (f64, f64), end: (f64, f64)| {
+            let [left, top, right, bottom] = area(place, size, Anchor::Start, text);
+            let from = if end.0 < left { left - LEADER_APART } else { right + LEADER_APART };
+            ((from, f64::midpoint(top, bottom)), end)
+        };
+        let is_free = |(place, end): &((f64, f64), (f64, f64))| {
+            let line = leader(*place, *end);
+            self.is_free(area(*place, size, Anchor::Start, text))
+                && self.texts.iter().all(|other| !crosses(line, *other))
+        };
+        let free = places.into_iter().find(is_free);
+        if let Some((place, end)) = free {
+            self.text(place, size, Anchor::Start, fill, text);
+            let (from, end) = leader(place, end);
+            self.line(from, end, fill, 1.0);
+            self.rect((end.0 - DOT / 2.0, end.1 - DOT / 2.0), (DOT, DOT), fill);
+        }
+        free.is_some()
+    }
+
+    fn is_free(&self, area: Area) -> bool {
+        let [left, top, right, bottom] = area;
+        let around = [left - APART, top, right + APART, bottom];
+        self.texts.iter().all(|other| !overlap(around, *other))
+            && self.lines.iter().all(|line| !crosses(*line, area))
     }
 
     /// The whole picture.
