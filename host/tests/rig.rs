@@ -482,7 +482,7 @@ fn a_hot_start_is_reported_and_not_repeated() {
         "limit violated: exhaust too hot: 84",
         "in doubt whether the engine runs: the demand is withheld",
         "ECU reports a fault: egt-high",
-        "run cancelled: the engine is at rest",
+        "run cancelled: the ECU reports no running engine",
         "command from bench rejected: command standby before a start",
         "ECU reports no fault",
         "command from bench rejected: wait until the ECU reports standby",

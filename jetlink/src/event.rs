@@ -111,10 +111,10 @@ pub enum End {
 
 names!(End, "Description in lower case." {
     PowerUp => "the ECU was powered up";
-    AtRest => "the engine is at rest";
+    AtRest => "the ECU reports no running engine";
     StartsAgain => "the ECU starts the engine again";
     GapInStart => "the ECU fell silent during the start";
-    NotBurning => "the exhaust is cold";
+    NotBurning => "the exhaust is cold or cools";
     FaultInStart => "the ECU reported a fault during the start";
     Unconfirmed => "nothing confirmed in time that the engine runs";
 });

@@ -304,7 +304,7 @@ pub(crate) fn bump(count: &mut u32) {
 names!(Phase, "Name in lower case." {
     Stopped => "stopped";
     Standby => "standby";
-    Cooling => "cooling";
+    Cooling => "run-down or cooling";
     Starting => "starting";
     Running => "running";
     Service => "service";

@@ -132,7 +132,7 @@ mod tests {
             ("WARN", "left: 3 events lost"),
             ("ERROR", "panic"),
             ("INFO", "left: ECU link lost"),
-            ("INFO", "left: run cancelled: the engine is at rest"),
+            ("INFO", "left: run cancelled: the ECU reports no running engine"),
             ("INFO", "jetlink "),
         ] {
             let mut log = good();

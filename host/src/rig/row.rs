@@ -167,6 +167,11 @@ mod tests {
         for (rpm, text) in [(None, "stopped"), (Some(0), "stopped"), (Some(70_800), "run-down")] {
             assert_eq!(Sample { rpm, ..stopped }.does_text(), text);
         }
+        // An AMT ECU has no state for it.
+        let cooling = Sample { does: EngineState::Cooling, rpm: Some(8500), ..stopped };
+        for (order, text) in [(Order::EmergencyStop, "run-down"), (Order::Standby, "cooling")] {
+            assert_eq!(Sample { order, ..cooling }.does_text(), text);
+        }
     }
 
     /// No pilot commands then: what the node has of the source is shown.

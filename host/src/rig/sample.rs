@@ -90,6 +90,8 @@ pub struct Sample {
     pub faults: Option<Faults>,
     /// What the node has counted.
     pub counters: Counters,
+    /// Reply windows without a reply in time, by the ECU's own count.
+    pub missed_at_ecu: u64,
     /// Its fuel valve is open, if it has one.
     pub valve_open: Option<bool>,
     /// Its starter and ignition have power, if an output switches that.
@@ -128,6 +130,7 @@ impl Sample {
                 .map(|throttle| f64::from(throttle.value.tenths()) / 10.0),
             faults: report.faults.filter(|faults| is_fresh(faults, at)).map(|faults| faults.value),
             counters: telemetry.counters,
+            missed_at_ecu: 0,
             valve_open: None,
             power: None,
         }
@@ -148,6 +151,10 @@ impl Sample {
     pub fn does_text(&self) -> String {
         match self.does {
             EngineState::Stopped if self.rpm.is_some_and(|rpm| rpm > AT_REST) => "run-down".to_owned(),
+            // An emergency stop is without cooling. Of an AMT ECU it is only known that the shaft turns.
+            EngineState::Cooling if self.order == Order::EmergencyStop => "run-down".to_owned(),
+            // Its order to run is withdrawn, and it has not taken that.
+            EngineState::StartRequested if !matches!(self.order, Order::Run(_)) => "not obeying".to_owned(),
             EngineState::Starting(step) if step.name == self.does.name() => step.name.to_owned(),
             EngineState::Starting(step) => format!("start: {}", step.name),
             other => other.name().to_owned(),
@@ -191,6 +198,11 @@ impl Sample {
     pub const fn missed(&self) -> u32 {
         let counters = &self.counters;
         counters.replies_missed.wrapping_add(counters.replies_late).wrapping_add(counters.send_slots_missed)
+    }
+
+    /// The same with what is lost on the way to the ECU, of which the node does not know.
+    pub fn missed_by_either(&self) -> u64 {
+        u64::from(self.missed()).max(self.missed_at_ecu)
     }
 
     /// What came from the ECU and was no frame.
