@@ -119,6 +119,15 @@ impl Act {
         }
     }
 
+    /// For people.
+    pub fn in_words(self) -> String {
+        match self {
+            Self::Throttle(_) => format!("{} %", self.text()),
+            Self::Rpm(rpm) => format!("{rpm} rpm"),
+            other => other.text(),
+        }
+    }
+
     /// What a line of a script file says.
     pub fn parse(text: &str) -> Result<Self, String> {
         let mut words = text.split_whitespace();

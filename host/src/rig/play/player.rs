@@ -214,7 +214,7 @@ impl<'a> Player<'a> {
     fn act_on(&self, engine: usize, act: Act) {
         let (Some(context), Some(hand)) = (self.contexts.get(engine), self.hands.get(engine)) else { return };
         hand.touched.set(true);
-        context.note(format!("played: {}", act.text()));
+        context.note(format!("played: {}", act.in_words()));
         if act.takes_engine() && !self.scenario && !context.played.replace(true) {
             context.stage.set(Stage::Played);
         }

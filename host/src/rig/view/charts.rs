@@ -19,6 +19,8 @@ const SPAN: f64 = 120.0;
 const BESIDE: usize = 4;
 /// Lines of the strip of the throttle.
 const STRIP: u16 = 6;
+/// A chart of fewer lines shows nothing.
+const LEAST_HEIGHT: u16 = 16;
 /// Least room above the highest speed and above the limit of the EGT.
 const HEADROOM: f64 = 1.08;
 /// An axis ends at a multiple of this, so that its label is no rounded number.
@@ -33,13 +35,16 @@ fn top(most: f64, step: f64) -> f64 {
     (most * HEADROOM / step).ceil() * step
 }
 
-/// Draws one for each engine.
+/// Draws one for each engine; where they have no room below one another, those of the selected engine and of its neighbours.
 pub fn draw(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
     let count = model.subjects.len();
     let beside = count.clamp(1, BESIDE);
-    let lines = count.div_ceil(beside).max(1);
+    let all = count.div_ceil(beside).max(1);
+    let room = usize::from(area.height / LEAST_HEIGHT).max(1);
+    let (first, lines) = if room < all { (model.selected / beside, 1) } else { (0, all) };
     let places = Layout::vertical(vec![Constraint::Fill(1); lines]).split(area);
     for (line, place) in places.iter().enumerate() {
+        let line = first + line;
         let places = Layout::horizontal(vec![Constraint::Fill(1); beside]).split(*place);
         for (i, place) in places.iter().enumerate() {
             if let Some(subject) = model.subjects.get(line * beside + i) {
