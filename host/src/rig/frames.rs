@@ -30,8 +30,30 @@ pub struct Frame {
     pub bytes: Vec<u8>,
     /// Its content in words; `None`: it is no frame, and was skipped.
     pub text: Option<String>,
-    /// A byte of it did not arrive as it was sent.
-    pub damaged: bool,
+    /// What came of it at the other end.
+    pub arrival: Arrival,
+}
+
+/// How much of a frame arrived as it was sent.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Arrival {
+    /// All bytes.
+    Whole,
+    /// Not all.
+    Damaged,
+    /// None: the wire is cut.
+    Nothing,
+}
+
+/// The reply to a frame of an AMT ECU. Its times count from the end of that frame.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Reply {
+    /// Its first start bit.
+    pub from: Nanos,
+    /// Its last stop bit.
+    pub to: Nanos,
+    /// What came of it at the ECU.
+    pub arrival: Arrival,
 }
 
 /// Finds the frames of one line.
@@ -80,9 +102,14 @@ impl Frames {
             Direction::ToNode => received(entry).unwrap_or(entry.byte),
             Direction::ToEcu => entry.byte,
         });
-        let damaged = entries.iter().any(|entry| entry.fate != Fate::Delivered);
+        let all = |fate: Fate| entries.iter().all(|entry| entry.fate == fate);
+        let arrival = match (all(Fate::Delivered), all(Fate::Lost)) {
+            (true, _) => Arrival::Whole,
+            (false, true) => Arrival::Nothing,
+            (false, false) => Arrival::Damaged,
+        };
         let frame =
-            Frame { direction, from: first.start, to: last.end, bytes: bytes.collect(), text, damaged };
+            Frame { direction, from: first.start, to: last.end, bytes: bytes.collect(), text, arrival };
         // Frames of both directions come in the order of their ends.
         let place = self.kept.iter().rposition(|other| other.to <= frame.to).map_or(0, |place| place + 1);
         self.kept.insert(place, frame);
@@ -125,12 +152,13 @@ impl Frames {
     }
 }
 
-/// A frame of an AMT ECU with the reply to it, for the window: when the reply began and ended, counted from the end of
-/// the frame; `None` where there is none yet.
-pub fn last_window(frames: &[&Frame]) -> Option<Option<(Nanos, Nanos)>> {
+/// A frame of an AMT ECU with the reply to it, for the window; `None` where there is none yet.
+pub fn last_window(frames: &[&Frame]) -> Option<Option<Reply>> {
     let replies = |end: Nanos| {
         let reply = frames.iter().find(|frame| frame.direction == Direction::ToEcu && frame.from >= end);
-        reply.map(|reply| (reply.from - end, reply.to - end)).filter(|(from, _)| *from <= 30 * MILLIS)
+        let of =
+            |reply: &&Frame| Reply { from: reply.from - end, to: reply.to - end, arrival: reply.arrival };
+        reply.map(of).filter(|reply| reply.from <= 30 * MILLIS)
     };
     let mut sets =
         frames.iter().rev().filter(|frame| frame.direction == Direction::ToNode && frame.text.is_some());
@@ -166,8 +194,9 @@ mod tests {
         assert_eq!((all[0].text.as_deref(), all[0].bytes.as_slice()), (None, &[0x11, 0x12][..]));
         assert!(all[1].text.as_deref().unwrap().starts_with("run, full-operation, rpm byte 132, EGT 51"));
         assert_eq!(all[2].text.as_deref(), Some("run, throttle 34.5 %"));
-        let (from, to) = last_window(&all).unwrap().unwrap();
-        assert_eq!((from / MILLIS, to / MILLIS), (6, 27));
+        let reply = last_window(&all).unwrap().unwrap();
+        assert_eq!((reply.from / MILLIS, reply.to / MILLIS), (6, 27));
+        assert_eq!(reply.arrival, Arrival::Whole);
     }
 
     #[test]

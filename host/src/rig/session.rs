@@ -249,7 +249,9 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
             player.look();
             let samples = contexts.iter().zip(&telemetry).enumerate().map(|(i, (context, telemetry))| {
                 let outputs = setup.valves.then(|| node.outputs(i));
+                let ecu = plugs.get(i).map(|plug| plug.ecu(|ecu| ecu.counts()));
                 Sample {
+                    missed_at_ecu: ecu.map_or(0, |ecu| ecu.late + ecu.unanswered),
                     valve_open: outputs.map(|outputs| outputs.valve() == Valve::Open),
                     power: outputs.map(|outputs| outputs.power()),
                     ..Sample::take(context, telemetry, node.is_up())

@@ -1,15 +1,23 @@
 //! What happens, and why, in one line, for the spectator.
 
 use super::context::Stage;
+use super::play::action::Fault;
 use super::sample::Sample;
 use jetlink::command::{Order, Origin};
 use jetlink::engine::state::EngineState;
 use jetlink::event::LossStage;
 use jetlink::report::LinkState;
 
-/// The line for this moment. In a scenario no key breaks or starts anything.
-pub fn line(names: &[&str], samples: &[Sample], complete: Option<bool>, scenario: bool) -> String {
-    let text = most_urgent(names, samples, complete);
+/// The line for this moment; `faults`: those of each engine that were set by hand and last. In a scenario no key breaks or
+/// starts anything.
+pub fn line(
+    names: &[&str],
+    samples: &[Sample],
+    faults: &[&[Fault]],
+    complete: Option<bool>,
+    scenario: bool,
+) -> String {
+    let text = most_urgent(names, samples, faults, complete);
     match text.split_once("; press f") {
         Some((first, _)) if scenario && complete.is_some() => format!("{first}; q ends"),
         Some((first, _)) if scenario => first.to_owned(),
@@ -18,7 +26,7 @@ pub fn line(names: &[&str], samples: &[Sample], complete: Option<bool>, scenario
 }
 
 /// The same with all keys. The most urgent comes first.
-fn most_urgent(names: &[&str], samples: &[Sample], complete: Option<bool>) -> String {
+fn most_urgent(names: &[&str], samples: &[Sample], faults: &[&[Fault]], complete: Option<bool>) -> String {
     let all = || names.iter().zip(samples);
     let first =
         |found: &dyn Fn(&Sample) -> bool| all().find(|(_, sample)| found(sample)).map(|(name, _)| *name);
@@ -35,8 +43,19 @@ fn most_urgent(names: &[&str], samples: &[Sample], complete: Option<bool>) -> St
     if samples.iter().any(|sample| !sample.node_up) {
         return "the node restarts: nothing is received or sent until it is up".to_owned();
     }
+    // What a silent source leads to is said below.
+    let by_hand = names.iter().zip(faults).filter_map(|(name, faults)| {
+        let fault = faults.iter().find(|fault| **fault != Fault::Silence)?;
+        Some((*name, format!("{}, set by you; press f to end it", fault.name())))
+    });
+    let by_hand: Vec<(&str, String)> = by_hand.collect();
     if let Some((name, sample)) = all().find(|(_, sample)| sample.link == LinkState::Lost) {
-        return format!("{name}: nothing is received from its ECU ({})", sample.does_text());
+        let why = by_hand.iter().find(|(other, _)| other == name).map(|(_, why)| why.clone());
+        let why = why.unwrap_or_else(|| sample.does_text());
+        return format!("{name}: nothing is received from its ECU: {why}");
+    }
+    if let Some((name, why)) = by_hand.first() {
+        return format!("{name}: {why}");
     }
     if let Some((name, sample)) = all().find(|(_, sample)| sample.loss != LossStage::None) {
         if !sample.silent && sample.link == LinkState::Up {

@@ -21,3 +21,5 @@ mod key_tests;
 mod picture;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod truth_tests;

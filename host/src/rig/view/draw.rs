@@ -1,6 +1,7 @@
 //! Draws the screen: which parts there are, by its size.
 
 use super::super::fit::{first_that_fits, wrapped};
+use super::super::play::action::Fault;
 use super::super::quantity::seconds;
 use super::super::story;
 use super::model::{Event, Model, Page, Popup, Verdict};
@@ -128,7 +129,8 @@ fn header(model: &Model, theme: Theme, width: u16) -> Line<'static> {
 fn story_line(model: &Model, theme: Theme, width: u16) -> Line<'static> {
     let pass = model.verdict.as_ref().map(|verdict| verdict.pass);
     // The last clause is what can be left out.
-    let whole = story::line(&model.names(), &model.samples, pass, model.scenario);
+    let faults: Vec<&[Fault]> = model.details.iter().map(|detail| detail.faults.as_slice()).collect();
+    let whole = story::line(&model.names(), &model.samples, &faults, pass, model.scenario);
     let first = whole.split_once("; ").map_or(whole.as_str(), |(first, _)| first).to_owned();
     let text = first_that_fits(&[theme.text(&whole), theme.text(&first)], width.into(), theme.mark());
     let tone = match pass {

@@ -134,7 +134,7 @@ fn texts(
         (None, Some(delay)) => format!("worst slot delay {}", millis(delay)),
         (None, None) => "nothing sent yet".to_owned(),
     };
-    let missed = sample.missed();
+    let missed = sample.missed_by_either();
     let errors = sample.decode_errors();
     let faults = sample.faults.filter(|faults| !faults.is_empty()).map(|faults| faults.to_string());
     let (commanded, sent) = (rows::commanded(sample), sample.wire_text());

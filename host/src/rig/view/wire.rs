@@ -1,7 +1,7 @@
 //! What is on the wire of the selected engine: the last frames both ways, and the reply window of an AMT ECU.
 
 use super::super::fit::wrapped;
-use super::super::frames::{Frame as WireFrame, last_window};
+use super::super::frames::{Arrival, Frame as WireFrame, last_window};
 use super::super::quantity::seconds;
 use super::model::Model;
 use super::theme::{Theme, Tone};
@@ -17,6 +17,9 @@ use sim::wire::Direction;
 const INDENT: usize = 24;
 /// Reply window of an AMT ECU.
 const WINDOW: Nanos = 30 * MILLIS;
+
+/// Of a frame of which no byte arrived.
+const NOT_DELIVERED: &str = "not delivered: the wire is cut";
 
 /// Timeout after which an ECU is silent, in seconds since its last frame.
 const SILENT: f64 = 0.5;
@@ -68,7 +71,10 @@ fn of_frame(theme: Theme, frame: &WireFrame, width: usize) -> Vec<Line<'static>>
     };
     let (what, tone) = match &frame.text {
         None => ("SKIPPED: no frame".to_owned(), Tone::Bad),
-        Some(text) if frame.damaged => (format!("{text} (damaged on the way)"), Tone::Warn),
+        Some(text) if frame.arrival == Arrival::Nothing => (format!("{text} ({NOT_DELIVERED})"), Tone::Bad),
+        Some(text) if frame.arrival == Arrival::Damaged => {
+            (format!("{text} (damaged on the way)"), Tone::Warn)
+        }
         Some(text) if frame.direction == Direction::ToEcu => (text.clone(), Tone::Busy),
         Some(text) => (text.clone(), Tone::Plain),
     };
@@ -90,7 +96,11 @@ fn window_lines(theme: Theme, frames: &[&WireFrame], now: Instant, width: usize)
         (_, Some(silent)) => (format!("nothing received for {silent:.1} s"), Tone::Bad, None),
         (None, _) => ("no frame of the ECU yet".to_owned(), Tone::Quiet, None),
         (Some(None), _) => ("no reply to the last frame".to_owned(), Tone::Bad, None),
-        (Some(Some((from, to))), _) => {
+        (Some(Some(reply)), _) if reply.arrival == Arrival::Nothing => {
+            (NOT_DELIVERED.to_owned(), Tone::Bad, Some((reply.from, reply.to)))
+        }
+        (Some(Some(reply)), _) => {
+            let (from, to) = (reply.from, reply.to);
             let ms = |at: Nanos| at as f64 / 1e6;
             let left = ms(WINDOW) - ms(to);
             let tone = if to > WINDOW { Tone::Bad } else { Tone::Good };
