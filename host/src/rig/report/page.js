@@ -159,13 +159,81 @@ function index(times, t) {
   return Math.max(low - 1, 0);
 }
 
+// What a text is not placed on: of each curve its lowest and highest place in each column of pixels, other lines, and texts.
+function obstacles(canvas) {
+  return { curves: [], wide: Math.ceil(canvas.clientWidth) + 1, lines: [], texts: [] };
+}
+
+// A straight part of a curve.
+function cover(curve, x1, y1, x2, y2) {
+  if (x2 < x1) [x1, y1, x2, y2] = [x2, y2, x1, y1];
+  const slope = x2 > x1 ? (y2 - y1) / (x2 - x1) : 0, last = Math.min(Math.floor(x2), curve.low.length - 1);
+  for (let column = Math.max(Math.floor(x1), 0); column <= last; column++) {
+    const a = x2 > x1 ? y1 + slope * (Math.max(column, x1) - x1) : y1, b = x2 > x1 ? y1 + slope * (Math.min(column + 1, x2) - x1) : y2;
+    curve.low[column] = Math.min(curve.low[column], a, b);
+    curve.high[column] = Math.max(curve.high[column], a, b);
+  }
+}
+
+// Whether nothing is in this rectangle.
+function is_free(around, [left, top, right, bottom]) {
+  const meets = (a, b, c, d) => a < right && c > left && b < bottom && d > top;
+  if (around.texts.some((text) => meets(text[0] - 4, text[1], text[2] + 4, text[3]))) return false;
+  if (around.lines.some((line) => meets(line[0] - 1, line[1] - 1, line[2] + 1, line[3] + 1))) return false;
+  for (const curve of around.curves)
+    for (let column = Math.max(Math.floor(left), 0); column < Math.min(right, around.wide); column++)
+      if (curve.low[column] < bottom + 1 && curve.high[column] > top - 1) return false;
+  return true;
+}
+
+// A text at the first free one of these places, each its left end and its line of writing, and the point to which a leader goes
+// from it, if it has one. Whether there is one.
+function place(context, around, words, places, name) {
+  const long = context.measureText(words).width;
+  for (const [at, y, end] of places) {
+    const box = [at, y - 10, at + long, y + 3];
+    if (!is_free(around, box)) continue;
+    if (end !== undefined) {
+      const from = end < at ? at - 3 : at + long + 3, middle = y - 4;
+      const [a, b] = [Math.min(from, end), Math.max(from, end)];
+      if (around.texts.some((text) => text[0] < b && text[2] > a && text[1] < middle && text[3] > middle)) continue;
+      context.strokeStyle = colour(name);
+      context.lineWidth = 1;
+      context.beginPath();
+      context.moveTo(from, middle);
+      context.lineTo(end, middle);
+      context.stroke();
+      context.fillStyle = colour(name);
+      context.fillRect(end - 2, middle - 2, 4, 4);
+      around.lines.push([a, middle, b, middle]);
+    }
+    text(context, words, at, y, "left", name);
+    around.texts.push(box);
+    return true;
+  }
+  return false;
+}
+
+// Numbers from the first to the last; the first one in any case.
+function steps(first, last, each) {
+  const count = Math.max(Math.floor((last - first) / each), 0);
+  return Array.from({ length: count + 1 }, (_, i) => first + i * each);
+}
+
+// Places for a text, from the bottom up, in each line from the left to the right.
+function within(first, last, top, bottom) {
+  return steps(bottom - 6, top + 13, -8).flatMap((y) => steps(first, last, 8).map((at) => [at, y]));
+}
+
 // A value: its least, and what its most is above that. Broken where there is none, dashed where it is old.
-function curve(panel, context, [least, above], old, y, name, thick) {
+function curve(panel, context, around, [least, above], old, y, name, thick) {
   const times = panel.engine.t, first = index(times, shown[0]), last = Math.min(index(times, shown[1]) + 1, times.length - 1);
   context.strokeStyle = colour(name);
   context.fillStyle = colour(name);
   context.lineWidth = thick;
-  let begun = false, dashed = false;
+  let begun = false, dashed = false, before = null;
+  const covered = { low: new Float64Array(around.wide).fill(Infinity), high: new Float64Array(around.wide).fill(-Infinity) };
+  around.curves.push(covered);
   for (let i = first; i <= last; i++) {
     const now = least[i] !== null, is_old = old && (panel.engine.flags[i] & old) !== 0;
     if (begun && (!now || is_old !== dashed)) {
@@ -173,7 +241,10 @@ function curve(panel, context, [least, above], old, y, name, thick) {
       context.stroke();
       begun = false;
     }
-    if (!now) continue;
+    if (!now) {
+      before = null;
+      continue;
+    }
     const at = x(panel, times[i]), most = y(least[i] + above[i]);
     if (!begun) {
       dashed = is_old;
@@ -187,6 +258,9 @@ function curve(panel, context, [least, above], old, y, name, thick) {
     } else {
       context.lineTo(at, most);
     }
+    if (before !== null) cover(covered, before[0], before[1], at, most);
+    cover(covered, at, most, at, y(least[i]));
+    before = [at, most];
     if (above[i] > 0) {
       const next = x(panel, times[Math.min(i + 1, times.length - 1)]);
       context.globalAlpha = 0.5;
@@ -226,6 +300,7 @@ function panel_draw(panel) {
   const context = canvas.getContext("2d");
   context.scale(ratio, ratio);
   context.font = "13px sans-serif";
+  const around = obstacles(canvas);
   const right = canvas.clientWidth - RIGHT, bottom = canvas.clientHeight - FOOT;
   const strip = engine.by_rpm ? 0 : STRIP, middle = bottom - (strip ? strip + 14 : 0);
   const most_rpm = engine.most_rpm, most_egt = engine.most_egt;
@@ -279,34 +354,23 @@ function panel_draw(panel) {
     context.setLineDash([2, 6]);
     line(LEFT, egt(engine.egt_limit), right, egt(engine.egt_limit));
     context.setLineDash([]);
-    text(context, "EGT limit " + engine.egt_limit + " °C", right - 4, egt(engine.egt_limit) + 14, "right", "egt");
+    around.lines.push([LEFT, egt(engine.egt_limit), right, egt(engine.egt_limit)]);
   }
-  curve(panel, context, engine.commanded_rpm, 0, rpm, "commanded", 3);
-  curve(panel, context, engine.sent_rpm, 0, rpm, "sent", 1.5);
-  curve(panel, context, engine.rpm, 1, rpm, "rpm", 1.8);
-  curve(panel, context, engine.egt, 2, egt, "egt", 1.8);
+  curve(panel, context, around, engine.commanded_rpm, 0, rpm, "commanded", 3);
+  curve(panel, context, around, engine.sent_rpm, 0, rpm, "sent", 1.5);
+  curve(panel, context, around, engine.rpm, 1, rpm, "rpm", 1.8);
+  curve(panel, context, around, engine.egt, 2, egt, "egt", 1.8);
   if (strip) {
-    curve(panel, context, engine.commanded, 0, percent, "commanded", 3);
-    curve(panel, context, engine.sent, 0, percent, "sent", 1.5);
+    curve(panel, context, around, engine.commanded, 0, percent, "commanded", 3);
+    curve(panel, context, around, engine.sent, 0, percent, "sent", 1.5);
   }
-  // What is too short to be seen is not named either, nor what stands beside one with the same name.
-  panel.named = [];
-  const taken = new Map();
-  const name_span = ([from, to], words, y, name) => {
-    const begin = Math.max(x(panel, from), LEFT), end = Math.min(x(panel, to), right);
-    const long = context.measureText(words).width + 6, ends = begin + long > right, first = ends ? end - long : begin;
-    if (end - begin < 4 || first < (taken.get(words) ?? LEFT)) return;
-    taken.set(words, first + long);
-    text(context, words, ends ? end - 3 : begin + 3, y, ends ? "right" : "left", name);
-    panel.named.push(words);
-  };
-  for (const gap of gaps) name_span(gap, "nothing received", middle - 6, "ink");
   // An AMT ECU with a fault sends sets that carry no rpm.
-  for (const span of spans(engine, (i) => (engine.flags[i] & 24) === 24 && engine.rpm[0][i] === null)) {
+  const dark = spans(engine, (i) => (engine.flags[i] & 24) === 24 && engine.rpm[0][i] === null);
+  for (const [from, to] of dark) {
     context.strokeStyle = colour("rpm");
     context.lineWidth = 3;
-    line(x(panel, span[0]), middle - 20, x(panel, span[1]), middle - 20);
-    name_span(span, "fault sets: no rpm", middle - 25, "rpm");
+    line(x(panel, from), middle - 20, x(panel, to), middle - 20);
+    around.lines.push([x(panel, from), middle - 21, x(panel, to), middle - 19]);
   }
   const lanes = new Array(LANES).fill(LEFT);
   panel.unnamed = 0;
@@ -316,6 +380,7 @@ function panel_draw(panel) {
     context.strokeStyle = colour("mark");
     context.lineWidth = 1;
     line(at, TOP - 4, at, bottom);
+    around.lines.push([at, TOP - 4, at, bottom]);
     // One that would run out of the picture ends at its line.
     const ends = at + long > right;
     const free = lanes.findIndex((end) => end <= (ends ? at - long : at));
@@ -326,6 +391,38 @@ function panel_draw(panel) {
       panel.unnamed += 1;
     }
   }
+  // The names come last, where no line is, as in the plot.
+  panel.named = [];
+  // Each list of places is made only if the one before has none.
+  const put = (words, name, ...lists) => {
+    if (lists.some((places) => place(context, around, words, places(), name))) panel.named.push(words);
+    else panel.unnamed += 1;
+  };
+  if (engine.egt_limit !== null) {
+    const words = "EGT limit " + engine.egt_limit + " °C", long = context.measureText(words).width, y = egt(engine.egt_limit);
+    const places = steps(right - 4 - long, LEFT, -8).flatMap((at) => [[at, y + 14], [at, y - 5]]);
+    place(context, around, words, places, "egt");
+  }
+  const ends = ([from, to]) => [Math.max(x(panel, from), LEFT), Math.min(x(panel, to), right)];
+  // What is too short to be seen is not named.
+  const seen = (spans) => spans.map(ends).filter(([from, to]) => to - from > 4);
+  const names = (spans, words, floor, name) => {
+    const long = context.measureText(words).width, inside = (at) => at > LEFT && at + long < right;
+    for (const [from, to] of seen(spans)) {
+      const first = Math.min(from + 3, right - long), deep = Math.min(4, (to - from) / 2);
+      const touching = [to + 3, from - 3 - long].filter(inside);
+      const apart = (far) => [[to + far, to - deep], [from - far - long, from + deep]].filter(([at]) => inside(at));
+      const led = ([at, end]) => within(at, at, TOP, floor).map(([, y]) => [at, y, end]);
+      put(
+        words, name,
+        () => within(first, to - long, TOP, floor),
+        () => touching.flatMap((at) => within(at, at, TOP, floor)),
+        () => steps(12, 240, 8).flatMap(apart).flatMap(led),
+      );
+    }
+  };
+  names(gaps, "nothing received", middle, "ink");
+  names(dark, "fault sets: no rpm", middle - 20, "rpm");
   panel.note.textContent =
     panel.unnamed === 0 ? "" : panel.unnamed + " more marked without a name: zoom in for room, or see the events";
   if (drag) {
