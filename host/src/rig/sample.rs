@@ -153,7 +153,7 @@ impl Sample {
             EngineState::Stopped if self.rpm.is_some_and(|rpm| rpm > AT_REST) => "run-down".to_owned(),
             // An emergency stop is without cooling. Of an AMT ECU it is only known that the shaft turns.
             EngineState::Cooling if self.order == Order::EmergencyStop => "run-down".to_owned(),
-            // Its order to run is withdrawn, and it has not taken that.
+            // Its run is cancelled, and it has not taken that.
             EngineState::StartRequested if !matches!(self.order, Order::Run(_)) => "not obeying".to_owned(),
             EngineState::Starting(step) if step.name == self.does.name() => step.name.to_owned(),
             EngineState::Starting(step) => format!("start: {}", step.name),

@@ -61,7 +61,7 @@ fn the_story_says_what_was_broken_by_hand() {
     assert_ne!(story(&pair(8.0, &mended, "story-mended")), expected);
 }
 
-/// Its ECU was told to run, and that the run is over does not reach it.
+/// Its ECU obeys run, and that the run is over does not reach it.
 #[test]
 fn an_engine_whose_run_is_over_is_not_said_to_wait_for_its_start() {
     let mut requested = 0;
@@ -69,7 +69,7 @@ fn an_engine_whose_run_is_over_is_not_said_to_wait_for_its_start() {
     for tenths in 0..12 {
         let at = 3.0 + f64::from(tenths) / 10.0;
         for wait in [0.1, 30.0] {
-            let mut played = cut(at, at + wait, "withdrawn");
+            let mut played = cut(at, at + wait, "cancelled-run");
             let sample = played.model.samples[0];
             played.model.page = Page::Why;
             let screen = text(&buffer(&played.model, COLOUR, 80, 24));
