@@ -1,8 +1,10 @@
 //! What the tasks of one engine share: what it is commanded, what was noted, and the audit of its line.
 
 use super::audit::Audit;
+use super::disturbances::{By, Disturbances};
 use super::engines::Engine;
 use super::limiter::Limiter;
+use super::play::action::Fault;
 use super::tap::Tap;
 use embassy_time::{Duration, Instant};
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
@@ -12,7 +14,7 @@ use jetlink::telemetry::Telemetry;
 use sim::any::AnyEcu;
 use sim::clock;
 use sim::ecu::{Nanos, SECOND};
-use sim::wire::Plug;
+use sim::wire::{Direction, Faults as LineFaults, Plug};
 use std::cell::{Cell, RefCell};
 
 /// How far an engine's pilot has come.
@@ -179,6 +181,8 @@ pub struct EngineContext<'a> {
     pub played: Cell<bool>,
     /// When the last fault on its line ends.
     pub clean_from: Instant,
+    /// What goes wrong on its line.
+    pub disturbances: RefCell<Disturbances>,
     /// Holds the line against the commands.
     pub audit: RefCell<Audit>,
     /// The bytes on the line, for views and files.
@@ -210,6 +214,7 @@ impl<'a> EngineContext<'a> {
             stopped: Cell::new(false),
             played: Cell::new(false),
             clean_from,
+            disturbances: RefCell::default(),
             audit: RefCell::new(Audit::new(engine)),
             tap: RefCell::default(),
             stops: Cell::new(0),
@@ -220,6 +225,30 @@ impl<'a> EngineContext<'a> {
             limiter: RefCell::new(Limiter::new()),
             notes,
         }
+    }
+
+    /// A fault of the line begins or ends; both wires are as all who disturb them want them.
+    pub fn disturb(&self, plug: &Plug<AnyEcu>, by: By, fault: Fault, begins: bool) {
+        let mut all = self.disturbances.borrow_mut();
+        let cut = [Direction::ToEcu, Direction::ToNode].map(|direction| (direction, all.is_cut(direction)));
+        let line = all.line();
+        all.set(Instant::now(), by, fault, begins);
+        for (direction, before) in cut {
+            // Also a wire that is joined in the middle of a byte spoils it.
+            if all.is_cut(direction) != before {
+                plug.cut_one(direction, !before);
+            }
+        }
+        if all.line() != line {
+            plug.set_faults(all.line(), all.line());
+        }
+    }
+
+    /// What `--faults` does to the line from now on.
+    pub fn plan_faults(&self, plug: &Plug<AnyEcu>, line: LineFaults) {
+        let mut all = self.disturbances.borrow_mut();
+        all.plan(Instant::now(), line);
+        plug.set_faults(all.line(), all.line());
     }
 
     /// Takes what the line has recorded, for the audit and the tap.

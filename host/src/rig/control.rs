@@ -13,6 +13,10 @@ use std::time::Duration as WallDuration;
 
 /// While the run is paused, an end is looked for so often.
 const LOOK_EVERY: WallDuration = WallDuration::from_millis(50);
+/// From the last action of a script file without an end to the end, where an engine was not given back: its stop was not
+/// released.
+const AFTER_LAST: Duration = Duration::from_secs(10);
+
 /// What the one who steers sees.
 #[derive(Debug)]
 pub struct Situation<'a> {
@@ -22,6 +26,8 @@ pub struct Situation<'a> {
     pub samples: &'a [Sample],
     /// All pilots are done, and no engine is played.
     pub complete: bool,
+    /// An engine is played.
+    pub played: bool,
 }
 
 /// What is to be done now.
@@ -70,6 +76,10 @@ impl Scripted {
     pub fn new(actions: Vec<(Instant, Action)>, end: Option<Duration>) -> Self {
         Self { actions, next: 0, end: end.map(|end| Instant::MIN + end) }
     }
+
+    fn last_at(&self) -> Instant {
+        self.actions.last().map_or(Instant::MIN, |(at, _)| *at)
+    }
 }
 
 impl Control for Scripted {
@@ -80,6 +90,7 @@ impl Control for Scripted {
         let all_done = self.next == self.actions.len();
         let end = match self.end {
             Some(end) => situation.at >= end,
+            None if situation.played => all_done && self.last_at() + AFTER_LAST <= situation.at,
             None => situation.complete && all_done && wishes.is_empty(),
         };
         Turn { wishes, end, ..Turn::default() }
@@ -222,7 +233,7 @@ mod tests {
     use std::sync::mpsc::channel;
 
     fn turn(live: &mut Live, complete: bool) -> Turn {
-        live.turn(&Situation { at: Instant::MIN, samples: &[], complete })
+        live.turn(&Situation { at: Instant::MIN, samples: &[], complete, played: false })
     }
 
     #[test]
@@ -261,7 +272,12 @@ mod tests {
         let live = Live::new(requests, EndRequest::default(), None);
         let mut live = live.with_script(Scripted::new(Vec::new(), Some(Duration::from_secs(5))));
         let mut at = |seconds: u64| {
-            live.turn(&Situation { at: Instant::from_secs(seconds), samples: &[], complete: false })
+            live.turn(&Situation {
+                at: Instant::from_secs(seconds),
+                samples: &[],
+                complete: false,
+                played: false,
+            })
         };
         at(1);
         let before = at(4);

@@ -7,6 +7,7 @@ mod conditions;
 mod context;
 mod control;
 mod csv;
+mod disturbances;
 mod ending;
 mod engines;
 mod faults;

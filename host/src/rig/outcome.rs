@@ -73,6 +73,8 @@ pub struct Outcomes {
     pub bad_commands: u64,
     /// What was done by hand.
     pub actions: Vec<(Instant, Action)>,
+    /// A scenario was played.
+    pub is_scenario: bool,
 }
 
 impl Outcomes {

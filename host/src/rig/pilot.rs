@@ -152,7 +152,7 @@ impl<'a> Pilot<'a> {
     async fn ready(&mut self) -> Result<(), String> {
         self.stage(Stage::Standby);
         self.context.input.set(PilotInput::Standby);
-        self.node.command(self.context.index, Command::Arm, Origin::Bench);
+        self.arm();
         let hot = self.telemetry().report.egt.is_some_and(|egt| egt.value.tenths() >= COOL);
         let cooling = if hot { self.plan.cooling_takes } else { Duration::MIN };
         let limit = self.clean_from.max(Instant::now()) + READY_WITHIN + cooling;
@@ -179,6 +179,16 @@ impl<'a> Pilot<'a> {
             self.hold(self.plan.start_at).await;
         }
         Ok(())
+    }
+
+    /// Arms the engine; after an emergency stop a source that has armed it disarms first.
+    fn arm(&self) {
+        let (engine, bench) = (self.context.index, Origin::Bench);
+        let refusals = self.node.start_refusals(engine, None, bench).unwrap_or_default();
+        if refusals.contains(&Rejected::DisarmFirst) {
+            self.node.command(engine, Command::Disarm, bench);
+        }
+        self.node.command(engine, Command::Arm, bench);
     }
 
     async fn start(&mut self) -> Result<(), String> {

@@ -106,9 +106,9 @@ fn of_engine(name: &str, outcomes: &Outcomes, problems: &[String]) -> Value {
     let played = outcomes.engines.iter().any(|outcome| outcome.name == name && outcome.played.is_some());
     let text = match (own.is_empty(), &outcomes.end) {
         (false, _) => "FAILED",
-        (true, End::Complete) if played && !outcomes.checks.is_empty() => "stopped by hand",
+        (true, End::Complete) if played && outcomes.is_scenario => "stopped by hand",
         (true, End::Complete) if played => "PASS: played, and nothing happened that no pilot can cause",
-        (true, End::Complete) if !outcomes.checks.is_empty() => "PASS: nothing that must not happen did",
+        (true, End::Complete) if outcomes.is_scenario => "PASS: nothing that must not happen did",
         (true, End::Complete) => "PASS: reached its targets, and is shut down",
         (true, _) => "ended early; nothing had gone wrong until then",
     };

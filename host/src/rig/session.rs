@@ -3,6 +3,7 @@
 
 use super::context::{EngineContext, Notes, Stage, look};
 use super::control::{Control, Situation};
+use super::disturbances::By;
 use super::engines::Engine;
 use super::faults::{Failure, Faults};
 use super::mavlink::Mavlink;
@@ -11,6 +12,7 @@ use super::node::Node;
 use super::outcome::{End, Outcome, Outcomes};
 use super::pilot::Pilot;
 use super::plan::{FlownBy, Plan};
+use super::play::action::Fault;
 use super::play::player::Player;
 use super::radio::Radio;
 use super::sample::{Detail, SAMPLE_EVERY, Sample};
@@ -186,7 +188,7 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
             }));
         }
     }
-    tasks.push(Box::pin(clock::task(disturb(setup, &plugs, &notes))));
+    tasks.push(Box::pin(clock::task(disturb(setup, &contexts, &plugs, &notes))));
     if setup.valves {
         tasks.push(Box::pin(clock::task(drive_valves(&node, &contexts, &plugs))));
     }
@@ -221,6 +223,7 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
             checks: scenario_context.checks(),
             bad_commands: setup.scenario.map_or(0, |scenario| scenario.bad_commands),
             actions: player.kept(),
+            is_scenario: setup.scenario.is_some(),
         }
     };
 
@@ -282,8 +285,8 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
                 return;
             }
 
-            let done = flown.iter().all(|flown| flown.borrow().is_some())
-                && !contexts.iter().any(|context| context.played.get());
+            let played = || contexts.iter().any(|context| context.played.get());
+            let done = flown.iter().all(|flown| flown.borrow().is_some()) && !played();
             if !done {
                 all_done_at = None;
             }
@@ -296,7 +299,8 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
             }
             shown_complete = complete;
             loop {
-                let situation = Situation { at: Instant::now(), samples: &samples, complete };
+                let situation =
+                    Situation { at: Instant::now(), samples: &samples, complete, played: played() };
                 let turn = control.turn(&situation);
                 if let Some(pace) = turn.pace {
                     clock::set_pace(pace);
@@ -424,6 +428,7 @@ async fn with_node(
         for (context, plug) in contexts.iter().zip(plugs) {
             let _ = plug.reset_node();
             context.audit.borrow_mut().reset(clock::now_ns());
+            context.disturb(plug, By::Node, Fault::Reset, true);
         }
         let mut back = std::pin::pin!(Timer::after(reset.away));
         let over = poll_fn(|cx| match back.as_mut().poll(cx) {
@@ -432,6 +437,9 @@ async fn with_node(
         });
         if over.await {
             return;
+        }
+        for (context, plug) in contexts.iter().zip(plugs) {
+            context.disturb(plug, By::Node, Fault::Reset, false);
         }
     }
 }
@@ -527,7 +535,7 @@ fn text(event: Event) -> Option<String> {
 }
 
 /// Switches the faults on and off.
-async fn disturb(setup: &Setup, plugs: &[Plug<AnyEcu>], notes: &Notes) {
+async fn disturb(setup: &Setup, contexts: &[EngineContext<'_>], plugs: &[Plug<AnyEcu>], notes: &Notes) {
     enum Change {
         Line(LineFaults),
         Cut(usize, bool),
@@ -552,15 +560,15 @@ async fn disturb(setup: &Setup, plugs: &[Plug<AnyEcu>], notes: &Notes) {
         Timer::at(Instant::MIN + at).await;
         match change {
             Change::Line(line) => {
-                for plug in plugs {
-                    plug.set_faults(line, line);
+                for (context, plug) in contexts.iter().zip(plugs) {
+                    context.plan_faults(plug, line);
                 }
                 let on = line != LineFaults::default();
                 notes.add(None, if on { "faults on all lines begin" } else { "faults on all lines end" });
             }
             Change::Cut(engine, cut) => {
-                if let Some(plug) = plugs.get(engine) {
-                    plug.cut(cut);
+                if let (Some(context), Some(plug)) = (contexts.get(engine), plugs.get(engine)) {
+                    context.disturb(plug, By::Plan, Fault::Cut, cut);
                 }
                 notes.add(Some(engine), if cut { "the line is cut" } else { "the line is joined again" });
             }

@@ -16,6 +16,8 @@ mod wire;
 #[cfg(test)]
 mod detail_tests;
 #[cfg(test)]
+mod judged_tests;
+#[cfg(test)]
 mod key_tests;
 #[cfg(test)]
 mod picture;

@@ -1,9 +1,9 @@
 //! Judges a played run by what no pilot can cause, whatever is done: ignitions that nobody commanded, emergency stops that
-//! are late on the wire, reply windows that are missed outside of the faults that a person has set. Frames that nothing
+//! are late on the wire, reply windows that are missed outside of the faults that somebody has caused. Frames that nothing
 //! allows are the audit's.
 
 use super::super::audit::{Audit, WireCommand};
-use embassy_time::{Duration, Instant};
+use embassy_time::Instant;
 use sim::ecu::{Counts, MILLIS, Nanos, SECOND};
 
 /// The longest time from an emergency stop to its first bit on the wire: an AMT ECU is answered every 125 ms, and the
@@ -11,8 +11,6 @@ use sim::ecu::{Counts, MILLIS, Nanos, SECOND};
 const STOP_ON_WIRE: Nanos = 175 * MILLIS;
 /// Longest time from a commanded run to its ignition: a start that waits for another engine.
 const IGNITES_WITHIN: Nanos = 2 * SECOND;
-/// Longest time after the end of a fault for which the node may be in doubt, and withhold replies.
-const DOUBT: Duration = Duration::from_secs(12);
 
 /// What was found of one engine.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -21,7 +19,7 @@ pub struct Verdict {
     pub ignitions: u64,
     /// Emergency stops that came late on the wire, or not at all.
     pub late_stops: u64,
-    /// Reply windows missed while no fault was set by hand.
+    /// Reply windows missed while no fault explained it.
     pub missed: u64,
 }
 
@@ -29,10 +27,6 @@ pub struct Verdict {
 #[derive(Debug, Default)]
 pub struct Judge {
     verdict: Verdict,
-    /// Faults that last now.
-    faults: u32,
-    /// The end of what the last fault may excuse.
-    excused_until: Option<Instant>,
     ignitions: usize,
     /// When run was last in force.
     run_at: Option<Nanos>,
@@ -48,6 +42,8 @@ pub struct Seen<'a> {
     pub at: Instant,
     /// The source commands run.
     pub commands_run: bool,
+    /// A fault explains what is missed now.
+    pub explained: bool,
     /// The link is up.
     pub link_up: bool,
     /// What the ECU has counted.
@@ -59,12 +55,6 @@ pub struct Seen<'a> {
 }
 
 impl Judge {
-    /// A fault that a person sets begins or ends. What happens once does both.
-    pub fn fault(&mut self, at: Instant, begins: bool) {
-        self.faults = if begins { self.faults + 1 } else { self.faults.saturating_sub(1) };
-        self.excused_until = Some(at + DOUBT);
-    }
-
     /// An emergency stop is commanded, and reaches the node within this time.
     pub fn stop(&mut self, at: Nanos, within: Nanos, audit: &Audit) {
         if audit.on_wire != Some(WireCommand::Stop) {
@@ -80,7 +70,6 @@ impl Judge {
     /// Looks once more, ten times a second.
     pub fn look(&mut self, seen: &Seen<'_>) {
         let now = (seen.at - Instant::MIN).as_micros() * 1000;
-        let excused = self.faults > 0 || self.excused_until.is_some_and(|until| seen.at <= until);
         if seen.commands_run {
             self.run_at = Some(now);
         }
@@ -91,7 +80,7 @@ impl Judge {
         self.ignitions = seen.ignitions.len();
 
         let missed = seen.counts.late + seen.counts.unanswered;
-        if !excused {
+        if !seen.explained {
             self.verdict.missed += missed.saturating_sub(self.missed);
         }
         self.missed = missed;
@@ -100,7 +89,7 @@ impl Judge {
             let sent = seen.audit.stop_at.filter(|&at| at >= since);
             let late = sent.unwrap_or(now) > until;
             if sent.is_some() || late {
-                self.verdict.late_stops += u64::from(late && !excused && seen.link_up);
+                self.verdict.late_stops += u64::from(late && !seen.explained && seen.link_up);
                 self.stop_since = None;
             }
         }
@@ -109,15 +98,28 @@ impl Judge {
 
 #[cfg(test)]
 mod tests {
+    use super::super::super::disturbances::DOUBT;
     use super::super::super::engines::engines;
     use super::*;
+    use embassy_time::Duration;
 
     fn look(judge: &mut Judge, ms: u64, commands_run: bool, ignitions: &[Nanos], missed: u64) -> Verdict {
+        look_at(judge, ms, commands_run, ignitions, missed, false)
+    }
+
+    fn look_at(
+        judge: &mut Judge,
+        ms: u64,
+        commands_run: bool,
+        ignitions: &[Nanos],
+        missed: u64,
+        explained: bool,
+    ) -> Verdict {
         let engines = engines(&[]).unwrap();
         let audit = Audit::new(&engines[0]);
         let at = Instant::MIN + Duration::from_millis(ms);
         let counts = Counts { unanswered: missed, ..Counts::default() };
-        judge.look(&Seen { at, commands_run, link_up: true, counts, ignitions, audit: &audit });
+        judge.look(&Seen { at, commands_run, explained, link_up: true, counts, ignitions, audit: &audit });
         judge.verdict()
     }
 
@@ -138,13 +140,10 @@ mod tests {
     }
 
     #[test]
-    fn windows_count_outside_of_faults_only() {
+    fn windows_count_that_no_fault_explains() {
         let mut judge = Judge::default();
-        let at = |ms| Instant::MIN + Duration::from_millis(ms);
-        judge.fault(at(1000), true);
-        assert_eq!(look(&mut judge, 2000, false, &[], 5).missed, 0);
-        judge.fault(at(3000), false);
-        assert_eq!(look(&mut judge, 14_000, false, &[], 9).missed, 0);
+        assert_eq!(look_at(&mut judge, 2000, false, &[], 5, true).missed, 0);
+        assert_eq!(look_at(&mut judge, 14_000, false, &[], 9, true).missed, 0);
         assert_eq!(look(&mut judge, 16_000, false, &[], 10).missed, 1);
     }
 

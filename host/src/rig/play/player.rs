@@ -2,7 +2,7 @@
 //! that was taken from its script. With a transmitter it moves stick and switch instead.
 
 use super::super::context::{EngineContext, Notes, PilotInput, Stage};
-use super::super::faults::Faults;
+use super::super::disturbances::By;
 use super::super::node::{Cause, Node, Reset};
 use super::super::radio::Transmitter;
 use super::action::{Act, Action, Fault, Wish};
@@ -15,7 +15,7 @@ use sim::any::AnyEcu;
 use sim::clock;
 use sim::ecu::{MILLIS, Nanos};
 use sim::receiver::Position;
-use sim::wire::{Direction, Faults as LineFaults, Plug};
+use sim::wire::Plug;
 use std::cell::{Cell, RefCell};
 use std::future::poll_fn;
 use std::task::Poll;
@@ -119,8 +119,6 @@ impl<'a> Player<'a> {
             self.notes.add(None, "played: the watchdog resets the node");
             self.hands.iter().for_each(|hand| {
                 hand.touched.set(true);
-                hand.judge.borrow_mut().fault(Instant::now(), true);
-                hand.judge.borrow_mut().fault(Instant::now(), false);
             });
             self.node.reset(RESET);
             return;
@@ -242,6 +240,10 @@ impl<'a> Player<'a> {
                 hand.stop.set(false);
                 self.order(engine, Command::ReleaseStop, Order::Standby);
             }
+            Act::Script if hand.stop.get() || self.node.telemetry(engine).stop_latched => {
+                let name = context.engine.name();
+                context.note(format!("{name} stays played: {}", Rejected::StopLatched));
+            }
             Act::Script => {
                 context.input.set(PilotInput::Standby);
                 context.played.set(false);
@@ -306,37 +308,25 @@ impl<'a> Player<'a> {
             return;
         };
         match fault {
-            // Below: a wire may be cut by two of them.
-            Fault::Cut | Fault::CutToEcu | Fault::CutToNode => {}
-            Fault::Noise => {
-                let line = if begins { Faults::heavy() } else { LineFaults::default() };
-                plug.set_faults(line, line);
-            }
+            // Of the line.
+            Fault::Cut | Fault::CutToEcu | Fault::CutToNode | Fault::Noise => {}
             Fault::Power => plug.power(!begins),
             Fault::Silence => context.silent.set(begins),
             Fault::FlameOut => plug.ecu(|ecu| ecu.turbine_mut().flame_out()),
             Fault::Reset => {}
         }
+        if fault.is_once() {
+            context.disturbances.borrow_mut().happens(Instant::now());
+            return;
+        }
         let mut faults = hand.faults.borrow_mut();
         faults.retain(|&other| other != fault);
-        if fault.is_once() {
-            hand.judge.borrow_mut().fault(Instant::now(), true);
-            hand.judge.borrow_mut().fault(Instant::now(), false);
-        } else {
-            if begins {
-                faults.push(fault);
-            }
-            for (direction, one) in
-                [(Direction::ToEcu, Fault::CutToEcu), (Direction::ToNode, Fault::CutToNode)]
-            {
-                if fault == Fault::Cut || fault == one {
-                    plug.cut_one(direction, faults.contains(&Fault::Cut) || faults.contains(&one));
-                }
-            }
-            // A silent source is no reason to miss a window.
-            if fault != Fault::Silence {
-                hand.judge.borrow_mut().fault(Instant::now(), begins);
-            }
+        if begins {
+            faults.push(fault);
+        }
+        // A silent source is no reason to miss a window.
+        if fault != Fault::Silence {
+            context.disturb(plug, By::Hand, fault, begins);
         }
     }
 
@@ -404,6 +394,11 @@ impl<'a> Player<'a> {
         let _ = self.node.command(engine, command, Origin::Bench); // a refusal is an event
     }
 
+    /// Whether something may start this engine. Not every source of a scenario is its pilot, until it is stopped.
+    fn commands_run(&self, context: &EngineContext<'_>) -> bool {
+        if self.scenario { !context.stopped.get() } else { matches!(context.input.get(), PilotInput::Run(_)) }
+    }
+
     /// Looks at all engines, ten times a second.
     pub fn look(&self) {
         for (i, ((context, plug), hand)) in self.contexts.iter().zip(self.plugs).zip(&self.hands).enumerate()
@@ -415,7 +410,8 @@ impl<'a> Player<'a> {
                 plug.ecu(|ecu| (ecu.counts(), ecu.turbine().history().ignitions.clone()));
             hand.judge.borrow_mut().look(&Seen {
                 at: Instant::now(),
-                commands_run: matches!(context.input.get(), PilotInput::Run(_)),
+                commands_run: self.commands_run(context),
+                explained: context.disturbances.borrow().explain(Instant::now()),
                 link_up: self.node.telemetry(i).link == LinkState::Up,
                 counts,
                 ignitions: &ignitions,

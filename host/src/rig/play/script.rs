@@ -141,12 +141,21 @@ impl Script {
             Ok((Instant::MIN + *at, action))
         };
         let actions = self.actions.iter().map(read).collect::<Result<Vec<(Instant, Action)>, String>>()?;
-        // An engine that was taken from its own script, and not given back, flies on.
+        // An engine that was taken from its own script, and not given back, flies on. It cannot be while its stop is latched.
         let is_played = |engine: usize| {
-            let of_it = |action: &&Action| {
-                action.engine.is_none_or(|of| of == engine) && !matches!(action.act, Act::Fault(..))
-            };
-            actions.iter().map(|(_, action)| action).rfind(of_it).is_some_and(|last| last.act != Act::Script)
+            let of_it = actions.iter().map(|(_, action)| action);
+            let of_it = of_it.filter(|action| action.engine.is_none_or(|of| of == engine));
+            let (mut played, mut latched) = (false, false);
+            for action in of_it {
+                match action.act {
+                    Act::Fault(..) => continue,
+                    Act::EmergencyStop => latched = true,
+                    Act::Release => latched = false,
+                    _ => {}
+                }
+                played = action.act != Act::Script || latched;
+            }
+            played
         };
         match engines.iter().enumerate().find(|(engine, _)| is_played(*engine)) {
             Some((_, engine)) if self.end.is_none() => Err(format!(

@@ -3,8 +3,10 @@
 
 use super::super::audit::TransmittedFrame;
 use super::super::context::{EngineContext, Notes, PilotInput, Stage, look};
+use super::super::disturbances::By;
 use super::super::node::Node;
 use super::super::outcome::Check;
+use super::super::play::action::Fault;
 use super::super::simulated::line;
 use embassy_time::{Duration, Instant, Ticker, Timer};
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
@@ -269,27 +271,35 @@ impl<'a> ScenarioContext<'a> {
 
     /// Cuts a line or joins it.
     pub fn cut(&self, engine: usize, cut: bool) {
-        self.plugs[engine].cut(cut);
+        self.contexts[engine].disturb(&self.plugs[engine], By::Scenario, Fault::Cut, cut);
     }
 
     /// Cuts one of the two wires or joins it.
     pub fn cut_one(&self, engine: usize, direction: Direction, cut: bool) {
-        self.plugs[engine].cut_one(direction, cut);
+        let fault = match direction {
+            Direction::ToEcu => Fault::CutToEcu,
+            Direction::ToNode => Fault::CutToNode,
+        };
+        self.contexts[engine].disturb(&self.plugs[engine], By::Scenario, fault, cut);
     }
 
     /// Switches an ECU's supply.
     pub fn power(&self, engine: usize, on: bool) {
+        self.contexts[engine].disturb(&self.plugs[engine], By::Scenario, Fault::Power, !on);
         self.plugs[engine].power(on);
     }
 
     /// What goes wrong at random with what an ECU sends, and what the node's UART makes of framing errors.
     pub fn noise(&self, engine: usize, faults: Faults, framing: FramingAs) {
+        let noise = faults != Faults::default();
+        self.contexts[engine].disturb(&self.plugs[engine], By::Scenario, Fault::Noise, noise);
         self.plugs[engine].framing(framing);
         self.plugs[engine].set_faults(faults, Faults::default());
     }
 
     /// Another ECU, with the engine behind it, is plugged in.
     pub fn plug_in(&self, engine: usize, ecu: impl Into<AnyEcu>) {
+        self.contexts[engine].disturbances.borrow_mut().happens(Instant::now());
         self.plugs[engine].replace_ecu(ecu.into());
     }
 

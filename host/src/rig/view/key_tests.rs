@@ -112,18 +112,6 @@ fn b_begins_the_script_anew() {
     assert_eq!(anew.model.samples[1].stage, before.model.samples[1].stage);
 }
 
-/// While a stop is latched a script cannot begin, and the event names the reason.
-#[test]
-fn b_while_a_stop_is_latched_names_the_stop() {
-    let played = pair(62.0, &[(50.0, char(' ')), (60.0, char('b'))], "latched");
-    let text = "NOT REACHED: standby was refused: an emergency stop is latched";
-    assert!(
-        played.model.events.iter().any(|event| event.text.starts_with(text)),
-        "{:?}",
-        played.model.events
-    );
-}
-
 #[test]
 fn a_command_takes_the_engine_and_b_gives_it_back() {
     // Left starts at 3 s, and runs 27 s later.

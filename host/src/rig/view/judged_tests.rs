@@ -1,0 +1,116 @@
+//! What a played run may come to, and how it is judged: script files and keys in virtual time, as in `tests`.
+
+use super::super::control::{Control, Scripted};
+use super::super::options::order;
+use super::super::outcome::Outcomes;
+use super::super::play::action::{Act, Action};
+use super::super::session::{self, Setup};
+use super::super::summary;
+use super::model::Model;
+use super::tests::{Cli, char, pair};
+use clap::Parser;
+use embassy_time::{Duration, Instant};
+use std::cell::RefCell;
+
+const HEAD: &str = "jetlink rig script, version 0.1.0\n";
+/// A ZK engine that is quick to log, and an AMT engine, whose ECU has reply windows.
+const ZK: &str = "engine name=left,ecu=zk\n";
+const AMT: &str = "engine name=left,ecu=amt,baud=115200\n";
+
+/// What came of a script file.
+struct Run {
+    model: Model,
+    outcomes: Outcomes,
+}
+
+impl Run {
+    fn problems(&self) -> Vec<String> {
+        summary::problems(&self.outcomes)
+    }
+
+    fn happened(&self, what: &str) -> usize {
+        self.model.events.iter().filter(|event| event.text.contains(what)).count()
+    }
+}
+
+/// Plays a script file, whether it has an end or not.
+fn run(name: &str, script: &str) -> Result<Run, String> {
+    let path = std::env::temp_dir().join(format!("jetlink-judged-{}-{name}", std::process::id()));
+    std::fs::write(&path, format!("{HEAD}{script}")).unwrap();
+    let order = order(&Cli::parse_from(["rig", "--fast", "--script", path.to_str().unwrap()]).args);
+    std::fs::remove_file(&path).unwrap();
+    let mut order = order?;
+    let (actions, over) = order.script.take().unwrap();
+    Ok(steered(&order.setup, &mut Scripted::new(actions, over)))
+}
+
+fn steered(setup: &Setup, control: &mut dyn Control) -> Run {
+    let model = RefCell::new(Model::new(&setup.engines, setup.plan.length, setup.scenario.is_some()));
+    let outcomes = session::run(setup, control, |message| {
+        model.borrow_mut().message(message);
+        true
+    });
+    Run { model: model.into_inner(), outcomes }
+}
+
+/// After an emergency stop the engine is disarmed, and a source that has armed it has to disarm first.
+#[test]
+fn a_script_that_begins_anew_after_a_stop_flies() {
+    let actions = "60 left emergency-stop\n80 left release\n81 left script\n";
+    let run = run("anew", &format!("{ZK}{actions}")).unwrap();
+    assert_eq!(run.happened("after the command"), 2, "{:?}", run.model.events);
+    assert_eq!((run.happened("rejected"), run.happened("NOT REACHED")), (0, 0), "{:?}", run.model.events);
+    assert_eq!(run.problems(), Vec::<String>::new());
+}
+
+/// A script begins anew when the stop is released. Until then the engine stays played, and time passes.
+#[test]
+fn a_script_does_not_begin_anew_while_a_stop_is_latched() {
+    let keys = [(50.0, char(' ')), (60.0, char('b'))];
+    let played = pair(75.0, &keys, "latched");
+    let texts: Vec<&str> = played.model.events.iter().map(|event| event.text.as_str()).collect();
+    let reason = "left stays played: an emergency stop is latched: release it when the engine has stopped";
+    assert_eq!(texts.iter().filter(|text| **text == reason).count(), 1, "{texts:?}");
+    assert!(!texts.iter().any(|text| text.contains("NOT REACHED")), "{texts:?}");
+    assert!(played.model.verdict.is_none() && played.outcomes.length >= Duration::from_secs(75));
+    // A file without an end does not give the engine back by that, and does not wait for ever where a cut wire keeps the stop
+    // from being released.
+    let stop = "60 all emergency-stop\n";
+    let error = run("latched", &format!("{ZK}{stop}70 all script\n")).err().expect("refused");
+    assert!(error.contains("left is played until the run ends: add `end`"), "{error}");
+    let cut = format!("59 left cut\n{stop}61 left release\n62 left script\n");
+    let run = run("unreleased", &format!("{ZK}{cut}")).unwrap();
+    assert_eq!((run.happened("left stays played"), run.outcomes.length.as_secs()), (1, 72));
+}
+
+/// What `--faults` does is no pilot's doing either. What no fault explains counts: `Disturbances` and the judge have that.
+#[test]
+fn faults_of_the_run_explain_missed_windows() {
+    for (i, script) in ["faults heavy\n3 left arm\n40 end\n", "faults cut=left@60s+5s\n3 left arm\n100 end\n"]
+        .into_iter()
+        .enumerate()
+    {
+        let run = run(&format!("explained-{i}"), &format!("{AMT}{script}")).unwrap();
+        assert_eq!(run.problems(), Vec::<String>::new(), "{script}");
+        let counts = run.outcomes.engines[0].ecu;
+        assert!(counts.unanswered + counts.late > 0, "{script}: no window was missed");
+    }
+}
+
+/// Nor what a scenario does, at whatever moment it is stopped by hand.
+#[test]
+fn a_scenario_that_is_stopped_by_hand_is_judged_by_the_stop() {
+    let mut missed = 0;
+    for (name, at) in [("one-wire-cut", 78), ("source-loss", 1), ("watchdog-loop", 78)] {
+        let order = order(&Cli::parse_from(["rig", "--fast", "--scenario", name]).args).unwrap();
+        let stop = Action { engine: None, act: Act::EmergencyStop };
+        let (at, end) = (Duration::from_secs(at), Duration::from_secs(at + 40));
+        let run = steered(&order.setup, &mut Scripted::new(vec![(Instant::MIN + at, stop)], Some(end)));
+        assert_eq!(run.problems(), Vec::<String>::new(), "{name}");
+        assert!(summary::pass(&run.outcomes).starts_with("STOPPED by hand"), "{name} at {at}");
+        let stops: Vec<_> = run.outcomes.engines.iter().map(|outcome| outcome.audit.stop_at).collect();
+        assert!(stops.iter().all(Option::is_some), "{name} at {at}: {stops:?}");
+        missed += run.outcomes.engines.iter().map(|outcome| outcome.ecu.unanswered).sum::<u64>();
+    }
+    assert!(missed > 0, "no window was missed");
+}
