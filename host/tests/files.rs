@@ -462,3 +462,35 @@ fn a_fault_that_cannot_act_is_refused() {
         assert!(error.contains(part), "{faults}: {error}");
     }
 }
+
+/// What is known of the run is printed, whatever cannot be written at its end.
+#[test]
+fn the_summary_is_printed_when_a_file_cannot_be_completed() {
+    let folder = folder("gone-at-the-end");
+    let full = rig(&["--fast", "--standby", "--csv", "/dev/full"]);
+    assert_eq!(full.status.code(), Some(1));
+    assert!(text(&full.stdout).contains("Summary after"), "{}", text(&full.stdout));
+    assert!(text(&full.stderr).ends_with("cannot write /dev/full: No space left on device (os error 28)\n"));
+    // The folder of the others is gone when they are written: the run waits for the reader of the CSV file meanwhile.
+    let (gone, csv) = (folder.join("gone"), folder.join("csv"));
+    fs::create_dir(&gone).unwrap();
+    assert!(Command::new("mkfifo").arg(&csv).status().expect("mkfifo").success());
+    let (report, script) = (gone.join("x.html"), gone.join("x.txt"));
+    let args = ["--fast", "--standby", "--csv", csv.to_str().unwrap()];
+    let args =
+        [&args[..], &["--report", report.to_str().unwrap(), "--save-script", script.to_str().unwrap()]]
+            .concat();
+    let child = command(&args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it runs");
+    let mut child = Running(child);
+    let mut errors = BufReader::new(child.0.stderr.take().expect("a pipe"));
+    let (mut printed, mut error) = (String::new(), String::new());
+    errors.read_line(&mut error).expect("a line");
+    assert!(error.contains("waits for a reader"), "{error}");
+    fs::remove_dir_all(&gone).unwrap();
+    let rows = fs::read_to_string(&csv).unwrap();
+    child.0.stdout.take().expect("a pipe").read_to_string(&mut printed).expect("UTF-8");
+    errors.read_to_string(&mut error).expect("UTF-8");
+    assert_eq!(child.0.wait().expect("it ends").code(), Some(1), "{error}");
+    assert!(rows.lines().count() > 100 && printed.contains("PASS: all engines reached"), "{printed}");
+    assert!(error.contains("cannot write") && error.contains("x.html") && error.contains("x.txt"), "{error}");
+}

@@ -93,7 +93,7 @@ impl Control for Scripted {
             None if situation.played => all_done && self.last_at() + AFTER_LAST <= situation.at,
             None => situation.complete && all_done && wishes.is_empty(),
         };
-        Turn { wishes, end, ..Turn::default() }
+        Turn { wishes, end, over: end && self.end.is_some(), ..Turn::default() }
     }
 }
 

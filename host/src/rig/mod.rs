@@ -64,7 +64,7 @@ use self::play::action::Act;
 use self::play::script;
 use self::plot::Plot;
 use self::report::Report;
-use self::show::{Files, Show, Shown};
+use self::show::{Ended, Files, Show, Shown};
 use self::title::Title;
 use self::tour::Tour;
 use self::unshown::ShowError;
@@ -237,13 +237,13 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
     let show = Show { shown, files };
 
     // Whatever happens in the scope, it waits for the screen and the files.
-    let (outcomes, (shown, chronicle)) = std::thread::scope(|scope| {
+    let (outcomes, shown) = std::thread::scope(|scope| {
         let (sender, receiver) = mpsc::sync_channel(MESSAGES);
         let shower = scope.spawn(move || show.run(&receiver));
         let go_on = |message| sender.send(message).is_ok() && end.requested().is_none();
         let outcomes = session::run(&order.setup, &mut *control, go_on);
         drop(sender);
-        (outcomes, shower.join().unwrap_or((Err(ShowError::Panicked), None)))
+        (outcomes, shower.join().unwrap_or_else(|_| Ended::panicked()))
     });
 
     // A request in the last moment ends nothing any more.
@@ -262,33 +262,40 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
     }
     // With the terminal or the reader gone, nobody reads.
     let nobody_reads = end.requested() == Some(EndedBy::HangUp)
-        || matches!(&shown, Err(ShowError::Screen(error)) if reader_left(error));
-    let reported = match (report, chronicle) {
+        || matches!(&shown.error, Some(ShowError::Screen(error)) if reader_left(error));
+    let reported = match (report, shown.chronicle) {
         (Some(report), Some(chronicle)) => report.finish(&chronicle, &outcomes, &problems, ended_by),
         _ => Ok(()),
     };
-    let saved = save_script(args, order, &outcomes, &scripted, &end)?;
-    if let Some(saved) = saved {
-        text += &format!("To play it again: cargo rig --script {} --fast\n", output::quoted(&saved));
+    let saved = save_script(args, order, &outcomes, &scripted, &end);
+    if let Ok(Some(saved)) = &saved {
+        text += &format!("To play it again: cargo rig --script {} --fast\n", output::quoted(saved));
     }
-    let shown = shown.and_then(|events| reported.map_err(ShowError::File).map(|()| events));
-    let printed = match &shown {
-        Err(ShowError::Screen(_) | ShowError::File(_)) => Ok(()),
-        Ok(events) => out.write(&format!("{events}{text}")),
-        Err(ShowError::Panicked) => out.write(&text),
+    // Whatever could not be written: what is known of the run is printed, but where nobody can read it.
+    let printed = match &shown.error {
+        Some(ShowError::Screen(_)) => Ok(()),
+        Some(ShowError::File(_) | ShowError::Panicked) | None => {
+            out.write(&format!("{}{text}", shown.events))
+        }
     };
-    match shown {
-        Err(ShowError::File(error)) => return Err(error),
-        Err(ShowError::Screen(error)) if !nobody_reads => return Err(out.cannot_write(&error)),
-        Err(ShowError::Panicked) => return Err("the screen's thread has panicked".to_owned()),
-        Ok(_) | Err(ShowError::Screen(_)) => {}
-    }
-    printed.or_else(|error| {
-        if nobody_reads || reader_left(&error) { Ok(()) } else { Err(out.cannot_write(&error)) }
-    })?;
+    let wrong = [
+        match shown.error {
+            Some(ShowError::Screen(error)) if !nobody_reads => Err(out.cannot_write(&error)),
+            Some(ShowError::File(error)) => Err(error),
+            Some(ShowError::Panicked) => Err("the screen's thread has panicked".to_owned()),
+            Some(ShowError::Screen(_)) | None => Ok(()),
+        },
+        reported,
+        saved.map(drop),
+        printed.or_else(|error| {
+            if nobody_reads || reader_left(&error) { Ok(()) } else { Err(out.cannot_write(&error)) }
+        }),
+    ];
+    let wrong: Vec<String> = wrong.into_iter().filter_map(Result::err).collect();
+    wrong.iter().for_each(|error| complain(error));
     let by_signal = end.requested().filter(|by| *by != EndedBy::Key && ended_by.is_some());
     Ok(match by_signal {
-        _ if !problems.is_empty() => ExitCode::FAILURE,
+        _ if !problems.is_empty() || !wrong.is_empty() => ExitCode::FAILURE,
         Some(by) => ExitCode::from(by.status()),
         None => ExitCode::SUCCESS,
     })
@@ -306,19 +313,18 @@ fn save_script(
     let done = outcomes.actions.iter().map(|(_, action)| &action.act);
     let by_key =
         outcomes.actions.len() > scripted.len() || !done.zip(scripted).all(|(done, act)| done == act);
-    let path = match &args.save_script {
-        Some(path) => PathBuf::from(path),
-        None if by_key && order.setup.plays_again() => {
-            std::env::temp_dir().join(format!("jetlink-rig-{}.txt", std::process::id()))
-        }
-        None => return Ok(None),
-    };
-    let over = outcomes.is_played().then(|| Instant::MIN + outcomes.length);
+    let over = (outcomes.is_played() || outcomes.end == End::Over).then(|| Instant::MIN + outcomes.length);
     let text = script::text(&order.header, &order.setup.engines, &outcomes.actions, over);
-    let name = path.display().to_string();
-    match waiting::write(&name, &text, end) {
-        Ok(()) => Ok(Some(path)),
-        Err(error) => Err(output::cannot_write(&name, &error)),
+    match &args.save_script {
+        Some(path) => {
+            waiting::write(path, &text, end).map_err(|error| output::cannot_write(path, &error))?;
+            Ok(Some(PathBuf::from(path)))
+        }
+        None if by_key && order.setup.plays_again() => {
+            let name = format!("jetlink-rig-{}", std::process::id());
+            output::write_new(&std::env::temp_dir(), &name, "txt", &text).map(Some)
+        }
+        None => Ok(None),
     }
 }
 

@@ -52,6 +52,8 @@ pub struct Outcome {
 pub enum End {
     /// All was played.
     Complete,
+    /// Its time was over before all was played: that of --duration where no pilot flies, or the end of a script file.
+    Over,
     /// Before its time, on request.
     Interrupted,
     /// By a panic with this message: a mistake in the rig or in jetlink.

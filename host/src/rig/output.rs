@@ -3,8 +3,11 @@
 use super::ending::EndRequest;
 use super::waiting;
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, ErrorKind};
+use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
+
+/// Names that are tried for a file that nobody has named.
+const NEW_NAMES: u32 = 1000;
 
 /// A file named on the command line.
 #[derive(Clone, Debug)]
@@ -90,6 +93,27 @@ pub fn check(wanted: &[Wanted]) -> Result<(), Problem> {
 /// That a file takes nothing, for people.
 pub fn cannot_write(path: &str, error: &io::Error) -> String {
     format!("cannot write {path}: {error}")
+}
+
+/// Writes a file that nobody has named: a new one, whatever is there by this name and by those that follow it.
+pub fn write_new(folder: &Path, name: &str, ending: &str, text: &str) -> Result<PathBuf, String> {
+    let mut path = folder.join(format!("{name}.{ending}"));
+    for number in 2..=NEW_NAMES {
+        // Neither a file nor a link that is there is opened.
+        match OpenOptions::new().write(true).create_new(true).open(&path) {
+            Ok(mut file) => {
+                let written = file.write_all(text.as_bytes());
+                return written
+                    .map(|()| path.clone())
+                    .map_err(|error| cannot_write(&path.display().to_string(), &error));
+            }
+            Err(error) if error.kind() == ErrorKind::AlreadyExists && number < NEW_NAMES => {
+                path = folder.join(format!("{name}-{number}.{ending}"));
+            }
+            Err(error) => return Err(cannot_write(&path.display().to_string(), &error)),
+        }
+    }
+    Err(cannot_write(&path.display().to_string(), &ErrorKind::AlreadyExists.into()))
 }
 
 /// Whether this is the standard output by another name.
@@ -213,4 +237,26 @@ fn part(path: &str) -> PathBuf {
     let target = fs::canonicalize(path).unwrap_or_else(|_| PathBuf::from(path));
     let name = target.file_name().unwrap_or_default().to_string_lossy().into_owned();
     target.with_file_name(format!(".{name}.{}.part", std::process::id()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    #[cfg(unix)]
+    fn a_file_that_nobody_has_named_replaces_none() {
+        let folder = std::env::temp_dir().join(format!("jetlink-new-{}", std::process::id()));
+        fs::create_dir_all(&folder).unwrap();
+        let (target, name) = (folder.join("target"), |name: &str| folder.join(name));
+        fs::write(&target, "precious").unwrap();
+        std::os::unix::fs::symlink(&target, name("run.txt")).unwrap();
+        fs::write(name("run-2.txt"), "played before").unwrap();
+        assert_eq!(write_new(&folder, "run", "txt", "played"), Ok(name("run-3.txt")));
+        assert_eq!(fs::read_to_string(name("run-3.txt")).unwrap(), "played");
+        assert_eq!(fs::read_to_string(&target).unwrap(), "precious");
+        assert_eq!(fs::read_to_string(name("run-2.txt")).unwrap(), "played before");
+        assert!(write_new(&folder.join("none"), "run", "txt", "played").is_err());
+        fs::remove_dir_all(&folder).unwrap();
+    }
 }

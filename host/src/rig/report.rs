@@ -128,7 +128,7 @@ fn of_run(
     let own: Vec<&String> = problems.iter().filter(|problem| !of_an_engine(problem)).collect();
     let text = match (problems.is_empty(), &outcomes.end, ended_by) {
         (false, ..) => format!("FAILED after {:.1} s of engine time", seconds(outcomes.length)),
-        (true, End::Complete, _) => summary::pass(outcomes).to_owned(),
+        (true, End::Complete | End::Over, _) => summary::pass(outcomes).to_owned(),
         (true, _, Some(by)) => format!("The run was ended by {} before it was complete.", by.name()),
         (true, _, None) => "The run was not complete.".to_owned(),
     };

@@ -236,13 +236,6 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
                 setup.panic_at.is_none_or(|at| Instant::now() - Instant::MIN < at),
                 "the moment of --panic-at"
             );
-            // No pilot ends it.
-            if setup.is_commanded()
-                && setup.plan.length.is_some_and(|length| Instant::now() >= Instant::MIN + length)
-            {
-                end.replace(End::Interrupted);
-                return;
-            }
             look(&contexts, &plugs);
             let telemetry: Vec<Telemetry> = (0..count).map(|i| node.telemetry(i)).collect();
             for (context, telemetry) in contexts.iter().zip(&telemetry) {
@@ -278,10 +271,14 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
             let message =
                 Message::Samples { at: Instant::now(), samples: samples.clone(), details: details.collect() };
             // A played run has no time of its own.
-            let ended =
-                |complete| if complete || player.is_played() { End::Complete } else { End::Interrupted };
+            let ended = |complete: bool, over: bool| match setup.is_commanded() {
+                false if complete => End::Complete,
+                _ if player.is_played() => End::Complete,
+                _ if complete || over => End::Over,
+                _ => End::Interrupted,
+            };
             if !notes.take().into_iter().map(Message::from).chain([message]).all(&mut show) {
-                end.replace(ended(shown_complete));
+                end.replace(ended(shown_complete, shown_over));
                 return;
             }
 
@@ -290,12 +287,16 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
             if !done {
                 all_done_at = None;
             }
-            let complete = done && {
-                let end = *all_done_at.get_or_insert(Instant::now() + AFTERWARDS);
-                Instant::now() >= end
-            };
+            // Where no pilot flies it is the time that ends the run.
+            let timed_out = setup.is_commanded()
+                && setup.plan.length.is_some_and(|length| Instant::now() >= Instant::MIN + length);
+            let complete = timed_out
+                || done && {
+                    let end = *all_done_at.get_or_insert(Instant::now() + AFTERWARDS);
+                    Instant::now() >= end
+                };
             if complete && !shown_complete {
-                show(Message::Complete(Box::new(outcomes(End::Complete))));
+                show(Message::Complete(Box::new(outcomes(ended(true, false)))));
             }
             shown_complete = complete;
             loop {
@@ -309,11 +310,11 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
                 let passing = turn.passing.map(Message::Passing);
                 let go_on = notes.take().into_iter().map(Message::from).chain(passing).all(&mut show);
                 if turn.end || !go_on {
-                    end.replace(ended(complete));
+                    end.replace(ended(complete, turn.over));
                     return;
                 }
                 if turn.over && !shown_over {
-                    show(Message::Complete(Box::new(outcomes(ended(complete)))));
+                    show(Message::Complete(Box::new(outcomes(ended(complete, true)))));
                 }
                 shown_over = turn.over;
                 if !turn.again {

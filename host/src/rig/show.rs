@@ -80,6 +80,24 @@ impl Files {
     }
 }
 
+/// What is left when all was shown.
+#[derive(Debug)]
+pub struct Ended {
+    /// What could not be shown or written; the first.
+    pub error: Option<ShowError>,
+    /// What is to be printed when the terminal is as it was.
+    pub events: String,
+    /// What a report is made of.
+    pub chronicle: Option<Chronicle>,
+}
+
+impl Ended {
+    /// After a panic outside of all that is caught.
+    pub const fn panicked() -> Self {
+        Self { error: Some(ShowError::Panicked), events: String::new(), chronicle: None }
+    }
+}
+
 /// Everything that shows a run.
 #[derive(Debug)]
 pub struct Show {
@@ -90,9 +108,8 @@ pub struct Show {
 }
 
 impl Show {
-    /// Takes messages until there are no more, or the screen takes none, and completes the files in either case. Gives what
-    /// is to be printed when the terminal is as it was, and what a report is made of.
-    pub fn run(mut self, messages: &Receiver<Message>) -> (Result<String, ShowError>, Option<Chronicle>) {
+    /// Takes messages until there are no more, or the screen takes none, and completes the files in either case.
+    pub fn run(mut self, messages: &Receiver<Message>) -> Ended {
         let shown = catch_unwind(AssertUnwindSafe(|| self.messages(messages)));
         let shown = shown.unwrap_or(Err(ShowError::Panicked));
         let events = match &self.shown {
@@ -102,7 +119,7 @@ impl Show {
         // The terminal is put back before anything else can be printed.
         drop(self.shown);
         let (files, chronicle) = self.files.finish();
-        (shown.and(files).map(|()| events), chronicle)
+        Ended { error: shown.and(files).err(), events, chronicle }
     }
 
     fn messages(&mut self, messages: &Receiver<Message>) -> Result<(), ShowError> {

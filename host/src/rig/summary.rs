@@ -178,7 +178,7 @@ pub fn text(outcomes: &Outcomes, problems: &[String], ended_by: Option<EndedBy>,
     for problem in problems {
         text += &format!("FAILED  {problem}\n");
     }
-    if problems.is_empty() && outcomes.end == End::Complete {
+    if problems.is_empty() && matches!(outcomes.end, End::Complete | End::Over) {
         text += pass(outcomes);
         text.push('\n');
     }
@@ -203,10 +203,28 @@ pub fn pass(outcomes: &Outcomes) -> &'static str {
     } else if outcomes.is_played() {
         "PASS: no unsolicited command, no uncommanded ignition, no late stop, no window missed outside of the \
          faults."
+    } else if outcomes.end == End::Over {
+        over(outcomes)
     } else if !outcomes.is_scenario {
         "PASS: all engines reached their targets and are shut down."
     } else {
         "PASS: all expected events occurred, and all engines are shut down."
+    }
+}
+
+/// The same where the time was over before anything was complete: what was judged until then.
+fn over(outcomes: &Outcomes) -> &'static str {
+    let commands = outcomes.engines.iter().any(|outcome| outcome.audit.judged);
+    let lines = outcomes.engines.iter().any(|outcome| outcome.line_was_clean);
+    match (commands, lines) {
+        (true, true) => {
+            "PASS: no unsolicited command, and no reply window missed on a clean line; targets are not judged."
+        }
+        (true, false) => "PASS: no unsolicited command; targets are not judged.",
+        (false, true) => {
+            "PASS: no reply window missed on a clean line; commands from outside and targets are not judged."
+        }
+        (false, false) => "NOT JUDGED: commands came from outside, and faults were on the lines.",
     }
 }
 

@@ -1,9 +1,11 @@
 //! What a played run may come to, and how it is judged: script files and keys in virtual time, as in `tests`.
 
-use super::super::control::{Control, Scripted};
+use super::super::control::{Control, Live, Request, Scripted, Situation, Turn};
+use super::super::ending::{EndRequest, EndedBy};
+use super::super::message::Message;
 use super::super::options::order;
-use super::super::outcome::Outcomes;
-use super::super::play::action::{Act, Action};
+use super::super::outcome::{End, Outcomes};
+use super::super::play::action::{Act, Action, Wish};
 use super::super::session::{self, Setup};
 use super::super::summary;
 use super::model::Model;
@@ -113,4 +115,61 @@ fn a_scenario_that_is_stopped_by_hand_is_judged_by_the_stop() {
         missed += run.outcomes.engines.iter().map(|outcome| outcome.ecu.unanswered).sum::<u64>();
     }
     assert!(missed > 0, "no window was missed");
+}
+
+/// As a person sees it, but as quick as the machine allows.
+struct AtOnce(Live);
+
+impl Control for AtOnce {
+    fn turn(&mut self, situation: &Situation<'_>) -> Turn {
+        Turn { pace: None, ..self.0.turn(situation) }
+    }
+}
+
+/// A run that no pilot flies and whose time is over stays with a verdict, and can be played on.
+#[test]
+fn a_run_of_radio_control_ends_with_a_verdict() {
+    let stop = Action { engine: None, act: Act::EmergencyStop };
+    for (played, verdict) in
+        [(false, "PASS: no unsolicited command, and"), (true, "PASS: no unsolicited command, no")]
+    {
+        let mut order = order(&Cli::parse_from(["rig", "--rc", "pwm", "--duration", "4s"]).args).unwrap();
+        order.setup.fast = true;
+        let model = RefCell::new(Model::new(&order.setup.engines, order.setup.plan.length, false));
+        let end = EndRequest::default();
+        let (keys, requests) = std::sync::mpsc::channel();
+        if played {
+            keys.send(Request::Wish(None, Wish::Act(stop.act))).unwrap();
+        }
+        let mut live = AtOnce(Live::new(requests, end.clone(), None));
+        // As `q`, once the verdict is there.
+        let outcomes = session::run(&order.setup, &mut live, |message| {
+            let is_end = matches!(message, Message::Complete(_));
+            model.borrow_mut().message(message);
+            if is_end {
+                end.request(EndedBy::Key);
+            }
+            true
+        });
+        let of_screen = model.into_inner().verdict.expect("a verdict");
+        assert!(of_screen.pass && of_screen.lines[0].starts_with(verdict), "{of_screen:?}");
+        assert_eq!(outcomes.length, Duration::from_secs(4));
+        let text = summary::text(&outcomes, &summary::problems(&outcomes), None, 80);
+        assert!(text.contains(verdict), "{text}");
+    }
+}
+
+/// A file with nothing but an end: what went wrong until then is judged.
+#[test]
+fn a_script_file_that_ends_before_the_engines_have_flown_has_a_verdict() {
+    let whole = run("only-end", &format!("{AMT}2 end\n")).unwrap();
+    assert_eq!(whole.outcomes.end, End::Over);
+    let text = summary::text(&whole.outcomes, &whole.problems(), None, 80);
+    assert!(
+        text.contains("PASS: no unsolicited command, and") && text.contains("targets are not judged"),
+        "{text}"
+    );
+    // On a disturbed line less is judged.
+    let disturbed = run("only-end-noise", &format!("{AMT}faults heavy\n9 end\n")).unwrap();
+    assert_eq!(summary::pass(&disturbed.outcomes), "PASS: no unsolicited command; targets are not judged.");
 }
