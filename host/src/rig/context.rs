@@ -271,10 +271,14 @@ impl<'a> EngineContext<'a> {
     /// Reports to the audit what was commanded, and with what answer.
     pub fn judge(&self, at: Nanos, order: Order, origin: Origin, answer: Result<Accepted, Rejected>) {
         let mut audit = self.audit.borrow_mut();
+        if is_unfit(answer) {
+            // As if the source had been silent.
+            audit.may_be_up_to(at, 0);
+            return;
+        }
         audit.commanded(at);
         if order == Order::Standby {
-            self.standbys.borrow_mut().retain(|(other, _)| *other != origin);
-            self.standbys.borrow_mut().push((origin, at));
+            self.standby_commanded(at, origin);
         }
         match (answer, order) {
             (Ok(Accepted::InForce), _) => audit.ordered(at, order),
@@ -287,6 +291,13 @@ impl<'a> EngineContext<'a> {
             // Refused, behind another source, a start that waits, the first of two commands: nothing changes yet.
             _ => {}
         }
+    }
+
+    /// A source has commanded standby, or disarmed an engine that starts: that ends the start.
+    pub fn standby_commanded(&self, at: Nanos, origin: Origin) {
+        let mut all = self.standbys.borrow_mut();
+        all.retain(|(other, _)| *other != origin);
+        all.push((origin, at));
     }
 
     /// The node reports that this source's standby has taken effect: the source has to have commanded it lately.
@@ -324,6 +335,17 @@ impl<'a> EngineContext<'a> {
             self.note(text);
         }
     }
+}
+
+/// Whether the ECU cannot follow the demand: such a command changes nothing, not even that the source is silent.
+const fn is_unfit(answer: Result<Accepted, Rejected>) -> bool {
+    matches!(
+        answer,
+        Err(Rejected::NoSpeedControl
+            | Rejected::RpmNotKnown
+            | Rejected::AboveMaxRpm { .. }
+            | Rejected::NeedsVersion { known: Some(_), .. })
+    )
 }
 
 /// Holds what was on the lines against what was commanded.

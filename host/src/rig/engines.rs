@@ -5,7 +5,9 @@ mod description;
 mod zk;
 
 use self::description::{Described, Description};
+use super::simulated::parameters;
 use crate::protocols::protocols;
+use embassy_time::Duration;
 use jetlink::config::{EngineConfig, validate};
 use sim::any::{AnyConfig, Protocol};
 use sim::ecu::Nanos;
@@ -50,6 +52,23 @@ impl Engine {
         self.ecu.by_rpm()
     }
 
+    /// How long without commands its ECU runs it; `None`: for ever.
+    pub fn stops_without_commands(&self) -> Option<Duration> {
+        self.ecu.stops_without_commands().map(Duration::from_nanos)
+    }
+
+    /// Whether this speed can be commanded: its ECU has speed control, and the engine reaches it.
+    pub fn takes(&self, rpm: u32) -> Result<(), String> {
+        let (name, most) = (self.name(), parameters(self).max_rpm as u32);
+        if !self.ecu.has_speed_control() {
+            return Err(format!("the ECU of {name} has no speed control: command a throttle"));
+        }
+        if rpm > most {
+            return Err(format!("invalid rpm `{rpm}`, use 0 to {most} for {name}"));
+        }
+        Ok(())
+    }
+
     /// Interval of the node's send slots; `None` where it only replies to frames of its ECU (AMT).
     pub fn cadence(&self) -> Option<Nanos> {
         self.ecu.cadence()
@@ -80,6 +99,18 @@ macro_rules! ecus {
             fn by_rpm(self) -> bool {
                 match self {
                     $(Self::$name(ecu) => ecu.by_rpm(),)+
+                }
+            }
+
+            fn stops_without_commands(self) -> Option<Nanos> {
+                match self {
+                    $(Self::$name(ecu) => ecu.stops_without_commands(),)+
+                }
+            }
+
+            fn has_speed_control(self) -> bool {
+                match self {
+                    $(Self::$name(ecu) => ecu.has_speed_control(),)+
                 }
             }
 

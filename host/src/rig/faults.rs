@@ -266,6 +266,10 @@ mod tests {
         for text in [
             "flame-out=left@40s,flame-out=left@110s,flame-out=right@60s",
             "cut=left@0s+1000s",
+            "cut=left@50s+1s,flame-out=left@60s",
+            "cut=left@0s+1s,flame-out=left@60s",
+            "cut=right@30s+100s,flame-out=left@60s",
+            "cut=centre@80s+20s,flame-out=centre@90s",
             "hot-start=left",
         ] {
             assert_eq!(check(text, false), Ok(()), "{text}");
@@ -277,6 +281,17 @@ mod tests {
             ("flame-out=left@40s,flame-out=left@45s", false, "its flame burns again from about 103 s"),
             ("flame-out=left@90s,flame-out=left@60s", false, "its flame burns again from about"),
             ("cut=left@9999s+1s", false, "after the end of the run"),
+            // An AMT ECU stops its engine without commands; and no start comes through a cut line.
+            (
+                "cut=left@30s+100s,flame-out=left@60s",
+                false,
+                "after the cut at 30 s its flame burns again from about",
+            ),
+            (
+                "cut=left@2s+60s,flame-out=left@40s",
+                false,
+                "after the cut at 2 s its flame burns again from about",
+            ),
             ("hot-start=left", true, "cannot act with --standby"),
         ] {
             let error = check(text, standby).unwrap_err();

@@ -5,6 +5,7 @@ use super::faults::Faults;
 use super::mavlink::{MOST_PORTS, Mavlink};
 use super::plan::{FlownBy, Plan};
 use super::play::action::Action;
+use super::play::check::{Played, check};
 use super::play::script::{Header, Script, USUAL_SEED};
 use super::port::Address;
 use super::quantity;
@@ -243,6 +244,13 @@ pub fn order(args: &Args) -> Result<Order, String> {
                 return Err(RadioError::NoEnd.to_string());
             }
             let actions = script.actions(&setup.engines).map_err(|what| format!("{path}: {what}"))?;
+            let played = Played {
+                plan: &setup.plan,
+                engines: &setup.engines,
+                transmitter: setup.radio.is_some(),
+                has_end: script.end.is_some(),
+            };
+            check(&actions, &played).map_err(|what| format!("{path}: {what}"))?;
             Some((actions, script.end))
         }
         _ => None,

@@ -118,6 +118,22 @@ impl Plan {
         self
     }
 
+    /// Whether the flame of this engine burns at this time, as its pilot flies it.
+    pub fn burns(&self, engine: usize, config: &Engine, at: Duration) -> Result<(), String> {
+        let Some(times) = self.engines.get(engine) else { return Ok(()) };
+        match self.flown_by {
+            FlownBy::Pilots => {}
+            FlownBy::PilotsInStandby => return Err("no engine is started".to_owned()),
+            FlownBy::Outside => return Ok(()),
+        }
+        let lit = times.start_at - Instant::MIN + lights_after(config);
+        let out = times.shutdown_at - Instant::MIN;
+        if (lit..out).contains(&at) {
+            return Ok(());
+        }
+        Err(format!("its flame burns from about {:.0} s to {:.0} s in this run", seconds(lit), seconds(out)))
+    }
+
     fn standby(engines: usize, length: Option<Duration>, faults: &mut Faults) -> Result<Self, String> {
         let length = length.unwrap_or(Duration::from_secs(10));
         if length < SHORTEST_STANDBY {
@@ -218,20 +234,21 @@ impl Faults {
             else {
                 continue;
             };
-            let p = parameters(config);
-            let lit = times.start_at + Duration::from_millis(((p.ignition_s + p.preheat_s) * 1000.0) as u64);
-            let (lit, out) = (lit - Instant::MIN, times.shutdown_at - Instant::MIN);
-            if !(lit..out).contains(&at) {
+            plan.burns(engine, config, at).map_err(|what| {
+                format!("--faults: flame-out of {} at {} s: {what}", name(engine), seconds(at))
+            })?;
+            let lights = lights_after(config);
+            if let Some((cut, again)) = self.stopped_by_a_cut(engine, config, times, at) {
                 return Err(format!(
-                    "--faults: flame-out of {} at {} s: its flame burns from about {:.0} s to {:.0} s in this run",
+                    "--faults: flame-out of {} at {} s: after the cut at {} s its flame burns again from about {:.0} s",
                     name(engine),
                     seconds(at),
-                    seconds(lit),
-                    seconds(out)
+                    seconds(cut),
+                    seconds(again)
                 ));
             }
             // After a flame-out the engine cools, and is started again.
-            let again = times.cooling_takes + (lit - (times.start_at - Instant::MIN));
+            let again = times.cooling_takes + lights;
             let too_early = self.failures.iter().enumerate().find_map(|(j, &(of, other))| match other {
                 Failure::FlameOut(first) if j != i && of == engine => {
                     (first..first + again).contains(&at).then_some(first)
@@ -250,6 +267,38 @@ impl Faults {
         }
         Ok(())
     }
+}
+
+impl Faults {
+    /// The cut by which the engine is stopped at this time, or kept from its start, and when it burns again.
+    fn stopped_by_a_cut(
+        &self,
+        engine: usize,
+        config: &Engine,
+        times: &EnginePlan,
+        at: Duration,
+    ) -> Option<(Duration, Duration)> {
+        let (start, lights) = (times.start_at - Instant::MIN, lights_after(config));
+        self.cuts.iter().filter(|cut| cut.engine == engine).find_map(|cut| {
+            let end = cut.at + cut.length;
+            let (from, again) = if cut.at < start + lights {
+                // In the start, or before it.
+                (cut.at, end.max(start) + lights)
+            } else {
+                // An ECU that stops its engine without commands.
+                let stopped = cut.at + config.stops_without_commands().filter(|delay| *delay < cut.length)?;
+                (stopped, end.max(stopped + times.cooling_takes) + lights)
+            };
+            let is_out = end > start && (from..again).contains(&at);
+            is_out.then_some((cut.at, again))
+        })
+    }
+}
+
+/// From the command to run until the flame burns, roughly.
+fn lights_after(engine: &Engine) -> Duration {
+    let p = parameters(engine);
+    Duration::from_millis(((p.ignition_s + p.preheat_s) * 1000.0) as u64)
 }
 
 #[cfg(test)]

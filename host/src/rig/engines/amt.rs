@@ -34,6 +34,14 @@ impl Described for Ecu {
         Ok((EngineConfig::amt(name, port, line, expected), Self(simulated)))
     }
 
+    fn has_speed_control(self) -> bool {
+        false
+    }
+
+    fn stops_without_commands(self) -> Option<Nanos> {
+        Some(amt::AmtConfig::from(self).serial_delay)
+    }
+
     /// It has a throttle only.
     fn by_rpm(self) -> bool {
         false

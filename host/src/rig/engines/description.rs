@@ -80,6 +80,12 @@ pub trait Described: Copy {
     /// Whether the pilot commands a speed instead of a throttle.
     fn by_rpm(self) -> bool;
 
+    /// Whether its ECU follows a speed.
+    fn has_speed_control(self) -> bool;
+
+    /// How long without commands it runs an engine; `None`: for ever.
+    fn stops_without_commands(self) -> Option<Nanos>;
+
     /// Interval of the node's send slots; `None` where it only replies to frames of its ECU.
     fn cadence(self) -> Option<Nanos>;
 

@@ -74,6 +74,14 @@ impl Described for Ecu {
         self.mode == Mode::Rpm
     }
 
+    fn has_speed_control(self) -> bool {
+        self.version >= 4
+    }
+
+    fn stops_without_commands(self) -> Option<Nanos> {
+        None
+    }
+
     fn cadence(self) -> Option<Nanos> {
         Some(self.rate.period())
     }

@@ -182,7 +182,7 @@ impl Action {
 
     /// What a line of a script file says.
     pub fn parse(text: &str, engines: &[Engine]) -> Result<Self, String> {
-        let (name, act) = text.split_once(' ').unwrap_or((text, ""));
+        let (name, act) = text.split_once(char::is_whitespace).unwrap_or((text, ""));
         let engine = match name {
             ALL => None,
             name => {
@@ -190,7 +190,13 @@ impl Action {
                 Some(place.ok_or_else(|| format!("there is no engine `{name}`"))?)
             }
         };
-        Ok(Self { engine, act: Act::parse(act)? })
+        let act = Act::parse(act.trim())?;
+        if let Act::Rpm(rpm) = act {
+            let of = |place: usize| engine.is_none_or(|engine| engine == place);
+            let mut all = engines.iter().enumerate().filter(|(place, _)| of(*place));
+            all.try_for_each(|(_, engine)| engine.takes(rpm))?;
+        }
+        Ok(Self { engine, act })
     }
 }
 
@@ -219,6 +225,9 @@ mod tests {
         let acts = acts.chain(WORDS.map(|(_, act)| act)).chain([Act::Throttle(455), Act::Rpm(80_000)]);
         for act in acts {
             for engine in [None, Some(2)] {
+                if engine.is_none() && matches!(act, Act::Rpm(_)) {
+                    continue; // not every engine takes one
+                }
                 let action = Action { engine, act };
                 assert_eq!(Action::parse(&action.text(&engines), &engines), Ok(action));
             }
@@ -237,6 +246,9 @@ mod tests {
             ("left throttle", "not a valid action"),
             ("left throttle 101", "invalid throttle"),
             ("left arm now", "not a valid action"),
+            ("left rpm 60000", "the ECU of left has no speed control"),
+            ("all rpm 60000", "the ECU of left has no speed control"),
+            ("booster rpm 999999", "invalid rpm `999999`, use 0 to "),
         ] {
             let error = Action::parse(text, &engines).unwrap_err();
             assert!(error.contains(part), "{text}: {error}");

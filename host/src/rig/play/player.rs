@@ -179,6 +179,10 @@ impl<'a> Player<'a> {
             Wish::Act(act) => Some(act),
             Wish::Toggle(fault) => {
                 let lasts = self.faults(engine).contains(&fault);
+                if let Some(why) = self.cannot(engine, fault, fault.is_once() || !lasts) {
+                    context.note(format!("played: {why}"));
+                    return None;
+                }
                 Some(Act::Fault(fault, fault.is_once() || !lasts))
             }
             Wish::Step(by) => {
@@ -211,14 +215,30 @@ impl<'a> Player<'a> {
 
     fn act_on(&self, engine: usize, act: Act) {
         let (Some(context), Some(hand)) = (self.contexts.get(engine), self.hands.get(engine)) else { return };
-        hand.touched.set(true);
         context.note(format!("played: {}", act.in_words()));
+        if let Act::Fault(fault, begins) = act
+            && let Some(why) = self.cannot(engine, fault, begins)
+        {
+            context.note(why);
+            return;
+        }
+        hand.touched.set(true);
         if act.takes_engine() && !self.scenario && !context.played.replace(true) {
             context.stage.set(Stage::Played);
         }
         match act {
             Act::Arm => self.command(engine, Command::Arm),
-            Act::Disarm => self.command(engine, Command::Disarm),
+            Act::Disarm => {
+                // It ends a start, and no run.
+                if self
+                    .plugs
+                    .get(engine)
+                    .is_some_and(|plug| plug.ecu(|ecu| ecu.turbine().phase()).is_starting())
+                {
+                    context.standby_commanded(clock::now_ns(), Origin::Bench);
+                }
+                self.command(engine, Command::Disarm);
+            }
             Act::Start => match self.idle(engine) {
                 Some(idle) => context.input.set(PilotInput::Run(idle)),
                 None => context.note("the ECU has not reported its speeds"),
@@ -299,6 +319,20 @@ impl<'a> Player<'a> {
             return Some(Demand::Rpm(Rpm::new(self.speeds(engine)?.0)));
         }
         Some(Demand::Throttle(Throttle::IDLE))
+    }
+
+    /// Why a fault cannot act now.
+    fn cannot(&self, engine: usize, fault: Fault, begins: bool) -> Option<&'static str> {
+        let burns =
+            || self.plugs.get(engine).is_some_and(|plug| plug.ecu(|ecu| ecu.turbine().thrust() > 0.0));
+        let lasts = self.faults(engine).contains(&fault);
+        match fault {
+            Fault::FlameOut if !burns() => Some("no flame burns that could go out"),
+            _ if fault.is_once() => None,
+            _ if begins && lasts => Some("that lasts already"),
+            _ if !begins && !lasts => Some("nothing of that kind lasts"),
+            _ => None,
+        }
     }
 
     fn fault(&self, engine: usize, fault: Fault, begins: bool) {

@@ -80,7 +80,8 @@ impl Script {
         let mut given: Vec<&str> = Vec::new();
         for (number, line) in lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#')) {
             let wrong = |what: &str| format!("line {number}, `{line}`: {what}");
-            let (first, rest) = line.split_once(' ').unwrap_or((line, ""));
+            let (first, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
+            let rest = rest.trim_start();
             if script.end.is_some() {
                 return Err(wrong("nothing follows `end`"));
             }
@@ -89,6 +90,9 @@ impl Script {
                     return Err(wrong(&format!("`{first}` is given twice")));
                 }
                 given.push(first);
+            }
+            if matches!(first, "standby" | "valves" | "silence") && !rest.is_empty() {
+                return Err(wrong(&format!("`{first}` stands alone: without the line it is off")));
             }
             match first {
                 "seed" => {
@@ -270,6 +274,19 @@ mod tests {
         assert!(of("0.0.9").unwrap().starts_with("written by version 0.0.9, played by "));
     }
 
+    /// A file can be written by hand.
+    #[test]
+    fn any_blanks_separate() {
+        let engines = engines(&[]).unwrap();
+        let script = format!("{HEAD}0.1.0\nseed  7\n 3.0  left   arm\n4\tleft\tthrottle\t50\n5   end \n");
+        let script = Script::parse(&script).unwrap();
+        let at = |seconds| Instant::MIN + Duration::from_secs(seconds);
+        let left = |act| Action { engine: Some(0), act };
+        let expected = vec![(at(3), left(Act::Arm)), (at(4), left(Act::Throttle(500)))];
+        assert_eq!(script.actions(&engines), Ok(expected));
+        assert_eq!((script.header.seed, script.end), (7, Some(Duration::from_secs(5))));
+    }
+
     #[test]
     fn each_mistake_is_named_with_its_line() {
         let head = format!("{HEAD}0.1.0\n");
@@ -280,6 +297,9 @@ mod tests {
             (format!("{head}2 left arm\n1 left start"), "line 3"),
             (format!("{head}seed 1\nseed 2"), "line 3, `seed 2`: `seed` is given twice"),
             (format!("{head}2 end\n3 left arm"), "nothing follows"),
+            (format!("{head}standby no"), "line 2, `standby no`: `standby` stands alone"),
+            (format!("{head}valves off"), "`valves` stands alone"),
+            (format!("{head}silence 3"), "`silence` stands alone"),
         ] {
             let error = Script::parse(&text).unwrap_err();
             assert!(error.contains(part), "{text}: {error}");

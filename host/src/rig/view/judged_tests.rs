@@ -1,7 +1,9 @@
 //! What a played run may come to, and how it is judged: script files and keys in virtual time, as in `tests`.
 
+use super::super::context::{EngineContext, Notes};
 use super::super::control::{Control, Live, Request, Scripted, Situation, Turn};
 use super::super::ending::{EndRequest, EndedBy};
+use super::super::engines::engines;
 use super::super::message::Message;
 use super::super::options::order;
 use super::super::outcome::{End, Outcomes};
@@ -12,6 +14,11 @@ use super::model::Model;
 use super::tests::{Cli, char, pair};
 use clap::Parser;
 use embassy_time::{Duration, Instant};
+use jetlink::command::{Accepted, Demand, Interlock, Order, Origin, Rejected};
+use jetlink::units::{Rpm, Throttle};
+use sim::ecu::{MILLIS, SECOND};
+use sim::turbine::Phase;
+use sim::wire::{Direction, Entry, Fate};
 use std::cell::RefCell;
 
 const HEAD: &str = "jetlink rig script, version 0.1.0\n";
@@ -172,4 +179,74 @@ fn a_script_file_that_ends_before_the_engines_have_flown_has_a_verdict() {
     // On a disturbed line less is judged.
     let disturbed = run("only-end-noise", &format!("{AMT}faults heavy\n9 end\n")).unwrap();
     assert_eq!(summary::pass(&disturbed.outcomes), "PASS: no unsolicited command; targets are not judged.");
+}
+
+/// What a pilot may do at any time is no unsolicited command.
+#[test]
+fn plain_actions_of_a_pilot_are_no_findings() {
+    for (i, script) in [
+        format!("{AMT}3 left arm\n3.1 left start\n10 left disarm\n40 end\n"),
+        format!("{ZK}3 left arm\n3.1 left start\n8 left disarm\n40 end\n"),
+        format!("{ZK}3 left arm\n3.1 left start\n60 left disarm\n80 end\n"),
+        "engine name=left,ecu=zk,mode=rpm\n3 left arm\n3.1 left start\n8 left disarm\n40 end\n".to_owned(),
+        "engine name=left,ecu=zk\n3 left arm\n3.1 left start\n60 left rpm 90000\n80 left throttle 40\n90 end\n".to_owned(),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let run = run(&format!("plain-{i}"), &script).unwrap();
+        assert_eq!(run.problems(), Vec::<String>::new(), "{script}");
+    }
+    // What the node would refuse, and lose its source by, is a mistake of the file.
+    for (action, what) in
+        [("rpm 60000", "the ECU of left has no speed control"), ("rpm 999999", "has no speed control")]
+    {
+        let error = run("refused", &format!("{AMT}3 left {action}\n9 end\n")).err().expect("refused");
+        assert!(error.contains(what) && error.contains("line 3"), "{error}");
+    }
+}
+
+/// A source whose demands the ECU cannot follow is a silent one: the node may give up its start. One that commands what it
+/// can is none.
+#[test]
+fn a_source_that_is_refused_is_silent_for_the_audit() {
+    let (engines, notes) = (engines(&[]).unwrap(), Notes::default());
+    let idle = Order::Run(Demand::Throttle(Throttle::IDLE));
+    let rpm = Order::Run(Demand::Rpm(Rpm::new(60_000)));
+    for (order, answer, found) in [
+        (rpm, Err(Rejected::NoSpeedControl), 0),
+        (idle, Ok(Accepted::InForce), 1),
+        (idle, Err(Rejected::Start(Interlock::Link)), 1),
+    ] {
+        let context = EngineContext::new(0, &engines[0], Instant::MIN, &notes);
+        // Its ECU is received all the time, a byte for each frame.
+        let byte = |at| Entry {
+            direction: Direction::ToNode,
+            byte: 0,
+            start: at,
+            end: at + MILLIS,
+            fate: Fate::Delivered,
+        };
+        let received: Vec<Entry> = (32..160).map(|eighth| byte(eighth * SECOND / 8)).collect();
+        context.audit.borrow_mut().look(&received);
+        context.judge(5 * SECOND, idle, Origin::Bench, Ok(Accepted::InForce));
+        (51..200).for_each(|tenth| context.judge(tenth * SECOND / 10, order, Origin::Bench, answer));
+        context.audit.borrow_mut().cancelled(20 * SECOND, Phase::FuelRamp);
+        assert_eq!(context.audit.borrow().not_given, found, "{answer:?}");
+    }
+}
+
+/// A flame that does not burn cannot go out, and nothing is excused by that.
+#[test]
+fn a_fault_that_cannot_act_changes_nothing() {
+    let cold = run("cold", &format!("{AMT}2 left flame-out\n9 end\n")).unwrap();
+    assert_eq!(cold.happened("no flame burns that could go out"), 1);
+    assert!(cold.outcomes.engines[0].played.is_none(), "it is judged as one that was left alone");
+    let error = run("cold-no-end", &format!("{AMT}3.0 left flame-out\n")).err().expect("refused");
+    assert!(error.contains("`3 left flame-out`: its flame burns from about"), "{error}");
+    let key = [(1.0, char('f')), (1.1, char('o'))];
+    let by_key = pair(3.0, &key, "cold-key");
+    assert!(by_key.outcomes.actions.is_empty(), "{:?}", by_key.outcomes.actions);
+    let hot = run("hot", &format!("{AMT}60 left flame-out\n70 end\n")).unwrap();
+    assert!(hot.outcomes.engines[0].played.is_some() && hot.happened("no flame burns") == 0);
 }
