@@ -24,7 +24,7 @@ impl<'a, const N: usize> Pilot<'a, N> {
     /// Refusals are in the engine's events.
     pub fn command(&self, command: Command) {
         for source in &self.0 {
-            if let Err(Rejected::Start(_)) = source.command(command) {
+            if let Err(Rejected::Start(_) | Rejected::DisarmFirst) = source.command(command) {
                 let _ = source.command(Command::Standby);
             }
         }

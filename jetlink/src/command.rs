@@ -144,7 +144,8 @@ pub enum Rejected {
     StopLatched,
     /// A start has to begin with a command to standby.
     StandbyFirst,
-    /// The source has commanded `Arm` ever since the emergency stop: it has to command `Disarm` first.
+    /// The source has commanded `Arm` ever since the emergency stop: it has to command `Disarm` first. The answer to `Arm`, and to a
+    /// start of an engine that is not armed.
     DisarmFirst,
     /// Only the source that commanded the emergency stop, or one above it, may release it.
     NotYours(Origin),

@@ -283,7 +283,7 @@ impl Engine {
                 }
                 Ok(Accepted::StartWaits)
             }
-            Err(interlock) => Err(Rejected::Start(interlock)),
+            Err(interlock) => Err(self.refusal(interlock, origin)),
         }
     }
 
@@ -309,7 +309,8 @@ impl Engine {
             && matches!(self.mode, Mode::Standby)
             && slot(&mut self.permitted, origin).is_some_and(|permitted| *permitted);
         let result = if permitted {
-            self.interlocks(now, idle, others_allow_start, Err).map_err(Rejected::Start)
+            self.interlocks(now, idle, others_allow_start, Err)
+                .map_err(|interlock| self.refusal(interlock, origin))
         } else {
             Err(Rejected::StandbyFirst)
         };
@@ -507,9 +508,6 @@ impl Engine {
             Mode::Listen(_) => found(Rejected::Listening),
             Mode::Standby | Mode::Run(_) | Mode::Pwm { .. } => {}
         }
-        if of_source(&self.must_disarm) && !self.armed {
-            found(Rejected::DisarmFirst);
-        }
         if let Err(why) = self.can(now, demand) {
             found(why);
         }
@@ -521,9 +519,20 @@ impl Engine {
         }
         // Each is found, so there is no first one.
         let _ = self.interlocks(now, demand, others_allow_start, |interlock| {
-            found(Rejected::Start(interlock));
+            found(self.refusal(interlock, origin));
             Ok(())
         });
+    }
+
+    /// What a source has to do about an interlock: one that has to disarm first cannot just arm.
+    fn refusal(&self, interlock: Interlock, origin: Origin) -> Rejected {
+        let must_disarm = Origin::ALL.into_iter().zip(&self.must_disarm);
+        match interlock {
+            Interlock::NotArmed if must_disarm.into_iter().any(|(of, must)| of == origin && *must) => {
+                Rejected::DisarmFirst
+            }
+            interlock => Rejected::Start(interlock),
+        }
     }
 
     /// Whether the ECU has been received without a gap for the configured time.

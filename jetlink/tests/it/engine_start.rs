@@ -221,9 +221,8 @@ fn everything_that_keeps_an_engine_from_a_start_is_announced_in_the_order_of_ref
         scenario.reports(Reports::Starting).pass_us(SECOND);
         scenario.others_allow_start = false;
         let all = scenario.start_refusals(run(50), Origin::Rc);
-        let interlocks =
-            [Interlock::NotArmed, Interlock::NotIdle, Interlock::NotStandby, Interlock::OtherStarting];
-        let before = [Rejected::StopLatched, Rejected::DisarmFirst, Rejected::StandbyFirst];
+        let interlocks = [Interlock::NotIdle, Interlock::NotStandby, Interlock::OtherStarting];
+        let before = [Rejected::StopLatched, Rejected::StandbyFirst, Rejected::DisarmFirst];
         let expected: Vec<Rejected> = before.into_iter().chain(interlocks.map(Rejected::Start)).collect();
         assert_eq!(all, expected, "{ecu:?}");
         assert_eq!(scenario.command(run(50)), Err(Rejected::StopLatched));

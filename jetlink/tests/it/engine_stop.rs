@@ -238,9 +238,11 @@ fn a_release_allows_no_start() {
         assert_eq!((scenario.order(), scenario.wire()), (Order::Standby, Wire::Standby));
         scenario.fly_us(run(0), Origin::Rc, 2 * SECOND);
         assert_eq!(scenario.command(run(0)), Err(Rejected::StandbyFirst), "{ecu:?}");
-        // Nor does it arm.
+        // Nor does it arm. The refusal says what the source has to do, as its "arm" would be refused.
         scenario.command(Command::Standby).unwrap();
-        assert_eq!(scenario.command(run(0)), Err(Rejected::Start(Interlock::NotArmed)), "{ecu:?}");
+        assert_eq!(scenario.command(run(0)), Err(Rejected::DisarmFirst), "{ecu:?}");
+        assert_eq!(scenario.command(Command::Arm), Err(Rejected::DisarmFirst), "{ecu:?}");
+        scenario.command(Command::Standby).unwrap();
         scenario.command(Command::Disarm).unwrap();
         scenario.command(Command::Arm).unwrap();
         scenario.command(Command::Standby).unwrap();

@@ -405,8 +405,13 @@ impl<'a> Player<'a> {
             return;
         }
         let answer = self.order(engine, input.command(), input.order());
-        let refused =
-            matches!(answer, Some(Err(Rejected::Start(_) | Rejected::StandbyFirst | Rejected::StopLatched)));
+        let refused = matches!(
+            answer,
+            Some(Err(Rejected::Start(_)
+                | Rejected::DisarmFirst
+                | Rejected::StandbyFirst
+                | Rejected::StopLatched))
+        );
         if refused && matches!(input, PilotInput::Run(_)) {
             // The event gives the reason. To try again takes another key.
             context.input.set(PilotInput::Standby);

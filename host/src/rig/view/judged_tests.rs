@@ -11,7 +11,7 @@ use super::super::play::action::{Act, Action, Wish};
 use super::super::session::{self, Setup};
 use super::super::summary;
 use super::model::Model;
-use super::tests::{Cli, char, pair};
+use super::tests::{COLOUR, Cli, buffer, char, pair, text};
 use clap::Parser;
 use embassy_time::{Duration, Instant};
 use jetlink::command::{Accepted, Demand, Interlock, Order, Origin, Rejected};
@@ -249,4 +249,40 @@ fn a_fault_that_cannot_act_changes_nothing() {
     assert!(by_key.outcomes.actions.is_empty(), "{:?}", by_key.outcomes.actions);
     let hot = run("hot", &format!("{AMT}60 left flame-out\n70 end\n")).unwrap();
     assert!(hot.outcomes.engines[0].played.is_some() && hot.happened("no flame burns") == 0);
+}
+
+/// What follows a stop is one sentence, in the event and on the page Why: disarm and arm, then start.
+#[test]
+fn a_start_after_a_stop_is_refused_by_the_sentence_that_why_shows() {
+    let keys =
+        [(50.0, char(' ')), (55.0, char('r')), (55.1, char('y')), (100.0, char('s')), (101.0, char('w'))];
+    let refused = pair(102.0, &keys, "one-text");
+    let sentence = Rejected::DisarmFirst.to_string();
+    let events: Vec<&str> = refused.model.events.iter().map(|event| event.text.as_str()).collect();
+    let of_start: Vec<&&str> = events.iter().filter(|text| text.contains("rejected")).collect();
+    assert!(of_start.len() == 1 && of_start[0].contains(&sentence), "{events:?}");
+    let screen = text(&buffer(&refused.model, COLOUR, 120, 40));
+    assert!(
+        screen.contains("disarm, then arm again") && !screen.contains("arm the engine before"),
+        "{screen}"
+    );
+    // Who follows it gets no other refusal of that kind.
+    let keys = [&keys[..3], &[(100.0, char('d')), (101.0, char('a'))]].concat();
+    let followed = pair(102.0, &keys, "followed");
+    assert!(followed.model.samples[0].armed, "{:?}", followed.model.events);
+}
+
+/// What a scenario that was stopped by hand did not come to has no time.
+#[test]
+fn what_never_came_has_no_time() {
+    let mut texts = Vec::new();
+    for at in [55, 60, 65, 70] {
+        let order = order(&Cli::parse_from(["rig", "--fast", "--scenario", "engine-lost"]).args).unwrap();
+        let stop = Action { engine: None, act: Act::EmergencyStop };
+        let at = Instant::MIN + Duration::from_secs(at);
+        let run = steered(&order.setup, &mut Scripted::new(vec![(at, stop)], Some(Duration::from_secs(200))));
+        texts.extend(run.outcomes.checks.into_iter().map(|check| check.what));
+    }
+    assert!(texts.iter().any(|text| text.contains("never)")), "{texts:?}");
+    assert!(!texts.iter().any(|text| text.contains("inf ")), "{texts:?}");
 }
