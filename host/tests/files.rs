@@ -494,3 +494,27 @@ fn the_summary_is_printed_when_a_file_cannot_be_completed() {
     assert!(rows.lines().count() > 100 && printed.contains("PASS: all engines reached"), "{printed}");
     assert!(error.contains("cannot write") && error.contains("x.html") && error.contains("x.txt"), "{error}");
 }
+
+/// What may be read by one person only stays so, and until the end there is nothing beside it that a kill could leave.
+#[test]
+fn a_picture_keeps_the_permissions_of_the_one_before() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = folder("mode-600");
+    let plot = folder.join("x.svg");
+    fs::write(&plot, "the plot before").unwrap();
+    fs::set_permissions(&plot, fs::Permissions::from_mode(0o600)).unwrap();
+    let csv = folder.join("csv");
+    assert!(Command::new("mkfifo").arg(&csv).status().expect("mkfifo").success());
+    let args = ["--fast", "--standby", "--plot", plot.to_str().unwrap(), "--csv", csv.to_str().unwrap()];
+    let mut child =
+        Running(command(&args).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("it runs"));
+    let mut line = String::new();
+    BufReader::new(child.0.stderr.take().expect("a pipe")).read_line(&mut line).expect("a line");
+    assert!(line.contains("waits for a reader"), "{line}");
+    assert_eq!(fs::read_dir(&folder).unwrap().count(), 2, "the picture before and the FIFO");
+    assert!(fs::read_to_string(&csv).unwrap().lines().count() > 100);
+    assert_eq!(child.0.wait().expect("it ends").code(), Some(0));
+    assert_eq!(fs::metadata(&plot).unwrap().permissions().mode() & 0o777, 0o600);
+    assert!(fs::read_to_string(&plot).unwrap().starts_with("<svg"), "another picture");
+    assert_eq!(fs::read_dir(&folder).unwrap().count(), 2);
+}

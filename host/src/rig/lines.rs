@@ -2,6 +2,7 @@
 
 use super::context::Note;
 use super::engines::ALL;
+use super::fit::wrapped;
 use super::out::Out;
 use super::quantity::seconds;
 use super::row::{heads, row};
@@ -12,6 +13,10 @@ use std::io;
 
 /// Lines between two heads.
 const HEAD_EVERY: u32 = 40;
+
+/// Columns of the time before a row, and before the text of a note.
+const TIME: usize = 9;
+const INDENT: usize = 23;
 
 /// Between two counts of frames.
 const RATE_SPAN: Duration = Duration::from_secs(2);
@@ -25,18 +30,23 @@ pub struct Lines {
     next: Instant,
     rates: Rates,
     lines: u32,
+    /// Columns of what they go to.
+    width: usize,
 }
 
 impl Lines {
-    /// For these engines.
-    pub fn new(out: Out, names: Vec<&'static str>, every: Duration) -> Self {
-        Self { out, names, every, next: Instant::MIN + every, rates: Rates::default(), lines: 0 }
+    /// For these engines. `width`: that of the terminal; without one lines are as long as they are.
+    pub fn new(out: Out, names: Vec<&'static str>, every: Duration, width: Option<usize>) -> Self {
+        let width = width.unwrap_or(usize::MAX);
+        Self { out, names, every, next: Instant::MIN + every, rates: Rates::default(), lines: 0, width }
     }
 
     /// Something happened.
     pub fn note(&self, note: &Note) -> io::Result<()> {
         let name = note.engine.and_then(|i| self.names.get(i)).copied().unwrap_or(ALL);
-        self.out.write(&format!("{:>7.1}  {name:<12}  {}\n", seconds(note.at - Instant::MIN), note.text))
+        let line = format!("{:>7.1}  {name:<12}  {}", seconds(note.at - Instant::MIN), note.text);
+        let lines = wrapped(&line, self.width, INDENT, '…');
+        self.out.write(&lines.into_iter().map(|line| line + "\n").collect::<String>())
     }
 
     /// A sample of all engines; written if it is time.
@@ -46,12 +56,12 @@ impl Lines {
             return Ok(());
         }
         self.next = at + self.every;
-        let mut text = String::new();
+        let (mut text, most) = (String::new(), self.width.saturating_sub(TIME));
         if self.lines.is_multiple_of(HEAD_EVERY) {
-            text += &format!("{:>7}  {}\n", "s", heads(&self.names));
+            text += &format!("{:>7}  {}\n", "s", heads(&self.names, most));
         }
         for (i, (name, sample)) in self.names.iter().zip(samples).enumerate() {
-            let row = row(name, &self.names, sample, self.rates.of(i));
+            let row = row(name, &self.names, sample, self.rates.of(i), most);
             text += &format!("{:>7.1}  {row}\n", seconds(at - Instant::MIN));
             self.lines += 1;
         }

@@ -80,7 +80,7 @@ use std::sync::mpsc;
 /// Messages that may wait for the screen before the session waits for it.
 const MESSAGES: usize = 1000;
 /// Columns of an output whose width is not known.
-const USUAL_WIDTH: u16 = 80;
+const USUAL_WIDTH: usize = 80;
 /// Between two lines of one engine, in engine time.
 const LINES_EVERY: Duration = Duration::from_secs(5);
 /// The same with `--fast` on a terminal.
@@ -175,10 +175,10 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
         by_rpm: engine.by_rpm(),
     });
     let about = format!("jetlink {}, seed {}; all is simulated", env!("CARGO_PKG_VERSION"), order.setup.seed);
-    let report = args.report.as_deref().map(|path| Report::create(path, about, &end)).transpose()?;
+    let report = args.report.as_deref().map(|path| Report::new(path, about, &end));
     let chronicle =
         (args.plot.is_some() || report.is_some()).then(|| Chronicle::new(title, subjects.collect()));
-    let plot = args.plot.as_deref().map(|path| Plot::create(path, args.dark, &end)).transpose()?;
+    let plot = args.plot.as_deref().map(|path| Plot::new(path, args.dark, &end));
     let capture = args.capture.as_deref().map(|folder| Capture::create(folder, &names, &end)).transpose();
     // The last: what it held before is gone with this.
     let csv = capture.and_then(|capture| {
@@ -200,7 +200,9 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
     let theme = Theme::of(args.ascii, |name| std::env::var(name).ok());
     let to = if to_stdout { Stream::Stderr } else { Stream::Stdout };
     let out = Out { to, ascii: args.ascii || is_terminal && theme.ascii };
-    let on_terminal = is_terminal && !is_dumb();
+    // Rows in the middle of a screen would spoil both.
+    let rows_on_terminal = wanted(args, order).iter().any(|file| output::is_terminal(&file.path));
+    let on_terminal = is_terminal && !is_dumb() && !rows_on_terminal;
 
     // The last of all: from here on the terminal may not be as it was.
     let (requests, wanted_live) = mpsc::channel();
@@ -231,7 +233,8 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
                 Some((actions, over)) => Box::new(Scripted::new(actions, over)),
                 None => Box::new(Unattended),
             };
-            (Shown::Lines(Lines::new(out, names.clone(), every)), control)
+            let width = is_terminal.then(terminal_width);
+            (Shown::Lines(Lines::new(out, names.clone(), every, width)), control)
         }
     };
     let show = Show { shown, files };
@@ -251,14 +254,10 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
         .requested()
         .filter(|by| outcomes.end == End::Interrupted || (outcomes.is_played() && *by != EndedBy::Key));
     let problems = summary::problems(&outcomes);
-    let width = if is_terminal {
-        crossterm::terminal::size().map_or(USUAL_WIDTH, |(width, _)| width)
-    } else {
-        USUAL_WIDTH
-    };
-    let mut text = summary::text(&outcomes, &problems, ended_by, width.into());
+    let width = if is_terminal { terminal_width() } else { USUAL_WIDTH };
+    let mut text = summary::text(&outcomes, &problems, ended_by, width);
     if is_terminal {
-        text = summary::on_screen(&text, width.into(), theme.mark());
+        text = summary::on_screen(&text, width, theme.mark());
     }
     // With the terminal or the reader gone, nobody reads.
     let nobody_reads = end.requested() == Some(EndedBy::HangUp)
@@ -328,7 +327,13 @@ fn save_script(
     }
 }
 
-/// Whether the terminal reports that it takes no control sequences.
+/// Columns of the terminal.
+fn terminal_width() -> usize {
+    crossterm::terminal::size().map_or(USUAL_WIDTH, |(width, _)| width.into())
+}
+
+/// Whether the terminal reports that it takes no control sequences, or on Unix what it is.
 fn is_dumb() -> bool {
-    std::env::var_os("TERM").is_some_and(|term| term == "dumb")
+    let term = std::env::var_os("TERM").filter(|term| !term.is_empty());
+    term.map_or(cfg!(unix), |term| term == "dumb")
 }

@@ -3,7 +3,7 @@
 use super::ending::EndRequest;
 use super::waiting;
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, ErrorKind, Write};
+use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
 /// Names that are tried for a file that nobody has named.
@@ -121,6 +121,12 @@ pub fn is_stdout(path: &str) -> bool {
     matches!(path, "/dev/stdout" | "/dev/fd/1" | "/proc/self/fd/1")
 }
 
+/// Whether this is the terminal of this program by another name.
+pub fn is_terminal(path: &str) -> bool {
+    let is_stderr = matches!(path, "/dev/stderr" | "/dev/fd/2" | "/proc/self/fd/2");
+    path == "/dev/tty" || (is_stderr && io::stderr().is_terminal())
+}
+
 /// A path as a word of a shell's command line.
 pub fn quoted(path: &Path) -> String {
     let text = path.display().to_string();
@@ -195,28 +201,23 @@ pub struct Whole {
 }
 
 impl Whole {
-    /// Reserves the place. `end`: ends the wait for the reader of a FIFO.
-    pub fn create(path: &str, end: &EndRequest) -> Result<Self, String> {
-        let part = is_regular(path).then(|| part(path));
-        if let Some(part) = &part {
-            File::create(part).map_err(|error| cannot_write(path, &error))?;
-        }
-        Ok(Self { path: path.to_owned(), part, end: end.clone() })
+    /// For this target. `end`: ends the wait for the reader of a FIFO.
+    pub fn new(path: &str, end: &EndRequest) -> Self {
+        Self { path: path.to_owned(), part: is_regular(path).then(|| part(path)), end: end.clone() }
     }
 
     /// Writes it.
-    pub fn finish(mut self, text: &str) -> Result<(), String> {
-        let part = self.part.take();
-        let written = match &part {
+    pub fn finish(self, text: &str) -> Result<(), String> {
+        let written = match &self.part {
             // A link stays one: what it points to is replaced.
             Some(part) => {
                 let target = fs::canonicalize(&self.path).unwrap_or_else(|_| PathBuf::from(&self.path));
-                fs::write(part, text).and_then(|()| fs::rename(part, target))
+                write_as(part, text, &target).and_then(|()| fs::rename(part, target))
             }
             None => waiting::write(&self.path, text, &self.end),
         };
         if written.is_err()
-            && let Some(part) = part
+            && let Some(part) = &self.part
         {
             let _ = fs::remove_file(part); // the error that counts is the first
         }
@@ -224,12 +225,13 @@ impl Whole {
     }
 }
 
-impl Drop for Whole {
-    fn drop(&mut self) {
-        if let Some(part) = self.part.take() {
-            let _ = fs::remove_file(part); // nothing more can be done about it
-        }
+/// Writes a file that only those may read who may read the one that it replaces.
+fn write_as(part: &Path, text: &str, target: &Path) -> io::Result<()> {
+    let mut file = File::create(part)?;
+    if let Ok(before) = fs::metadata(target) {
+        file.set_permissions(before.permissions())?;
     }
+    file.write_all(text.as_bytes())
 }
 
 /// The temporary file beside this one, or beside what a link points to.

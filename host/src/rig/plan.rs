@@ -196,7 +196,7 @@ fn end_of_faults(faults: &mut Faults, latest: Duration) -> Result<(), String> {
 }
 
 fn text(time: Duration) -> String {
-    format!("{}s", seconds(time))
+    format!("{}s", time.as_millis() as f64 / 1e3)
 }
 
 impl Faults {
@@ -336,6 +336,10 @@ mod tests {
         let plan = Plan::new(&engines, None, FlownBy::Pilots, &mut heavy).unwrap();
         let until = Instant::MIN + heavy.until.unwrap();
         assert!(plan.engines.iter().all(|engine| until + RECOVERY <= engine.shutdown_at));
+        // A third of a duration is no sentence with six decimals.
+        let mut late = Faults::parse("heavy,from=20s", &engines).unwrap();
+        let error = Plan::new(&engines, None, FlownBy::PilotsInStandby, &mut late).unwrap_err();
+        assert!(error.contains("which is 6.666s in this run"), "{error}");
         for text in ["heavy,until=175s", "heavy,from=170s"] {
             let mut late = Faults::parse(text, &engines).unwrap();
             assert!(Plan::new(&engines, None, FlownBy::Pilots, &mut late).is_err(), "{text}");

@@ -41,9 +41,9 @@ pub struct Plot {
 }
 
 impl Plot {
-    /// Reserves its place.
-    pub fn create(path: &str, dark: bool, end: &EndRequest) -> Result<Self, String> {
-        Ok(Self { file: Whole::create(path, end)?, dark })
+    /// To be written here.
+    pub fn new(path: &str, dark: bool, end: &EndRequest) -> Self {
+        Self { file: Whole::new(path, end), dark }
     }
 
     /// Draws it.

@@ -29,9 +29,9 @@ pub struct Report {
 }
 
 impl Report {
-    /// Reserves its place.
-    pub fn create(path: &str, about: String, end: &EndRequest) -> Result<Self, String> {
-        Ok(Self { file: Whole::create(path, end)?, about })
+    /// To be written here.
+    pub fn new(path: &str, about: String, end: &EndRequest) -> Self {
+        Self { file: Whole::new(path, end), about }
     }
 
     /// Writes it.

@@ -21,13 +21,20 @@ const COLUMNS: [(&str, usize); 11] = [
     ("worst timing", 34),
 ];
 
-/// The heads of the columns in one line. `names` are those of all engines.
-pub fn heads(names: &[&str]) -> String {
-    align("engine", names, &COLUMNS.map(|(head, _)| head.to_owned()))
+/// The heads of the columns in one line of at most this width: columns that have no room are not there. `names` are those of
+/// all engines.
+pub fn heads(names: &[&str], most: usize) -> String {
+    align("engine", names, &COLUMNS.map(|(head, _)| head.to_owned()), most)
 }
 
-/// One engine in one line. `frames_per_second` is what came from the ECU lately.
-pub fn row(name: &str, names: &[&str], sample: &Sample, frames_per_second: Option<f64>) -> String {
+/// One engine in one such line. `frames_per_second` is what came from the ECU lately.
+pub fn row(
+    name: &str,
+    names: &[&str],
+    sample: &Sample,
+    frames_per_second: Option<f64>,
+    most: usize,
+) -> String {
     let dash = || "-".to_owned();
     let counters = &sample.counters;
     let timing = match (counters.worst_reply_margin, counters.worst_slot_delay) {
@@ -53,7 +60,7 @@ pub fn row(name: &str, names: &[&str], sample: &Sample, frames_per_second: Optio
         sample.decode_errors().to_string(),
         if missed == 0 { timing } else { format!("{missed} MISSED, {timing}") },
     ];
-    align(name, names, &cells)
+    align(name, names, &cells, most)
 }
 
 /// A time in milliseconds.
@@ -61,10 +68,13 @@ pub fn millis(time: Duration) -> String {
     format!("{:.3} ms", time.as_micros() as f64 / 1000.0)
 }
 
-fn align(name: &str, names: &[&str], cells: &[String; COLUMNS.len()]) -> String {
+fn align(name: &str, names: &[&str], cells: &[String; COLUMNS.len()], most: usize) -> String {
     let width = names.iter().map(|name| name.len()).fold("engine".len(), usize::max);
     let mut line = format!("{name:<width$}  ");
     for (cell, (head, width)) in cells.iter().zip(COLUMNS) {
+        if line.chars().count() + width > most {
+            break;
+        }
         let right = matches!(head, "rpm" | "EGT" | "commanded" | "sent" | "errors");
         let cell = elided(cell, width, '…');
         line += &if right { format!("{cell:>width$}  ") } else { format!("{cell:<width$}  ") };
@@ -126,14 +136,19 @@ mod tests {
         loud.counters.crc_failures = 123_456;
         loud.counters.send_slots_missed = 1234;
         loud.counters.worst_slot_delay = Some(Duration::from_micros(12_345));
-        let heads = heads(&names);
-        for line in
-            [&heads, &row("booster", &names, &quiet, None), &row("booster", &names, &loud, Some(100.0))]
-        {
+        let heads = heads(&names, usize::MAX);
+        for line in [
+            &heads,
+            &row("booster", &names, &quiet, None, usize::MAX),
+            &row("booster", &names, &loud, Some(100.0), usize::MAX),
+        ] {
             let ends = where_they_end(line);
             assert!(ends[5] <= 80 && ends[6] <= 100, "{ends:?}");
         }
-        let loud = row("booster", &names, &loud, Some(100.0));
+        // On a narrow terminal with whole columns only, all that matters among them.
+        let narrow = row("booster", &names, &loud, Some(100.0), 71);
+        assert!(narrow.chars().count() <= 71 && narrow.ends_with(" 159960 rpm"), "{narrow}");
+        let loud = row("booster", &names, &loud, Some(100.0), usize::MAX);
         for cell in
             [" start: ignition… ", " 160010 ", " 1100 °C ", " 160000 rpm ", " 159960 rpm ", " up 100/s "]
         {
@@ -152,7 +167,7 @@ mod tests {
             on_wire: Some(WireCommand::Stop),
             ..Sample::take(&context, &node.telemetry(0), true)
         };
-        let row = row("left", &["left"], &sample, Some(8.0));
+        let row = row("left", &["left"], &sample, Some(8.0), usize::MAX);
         assert!(row.contains("    60.0 %        STOP  "), "{row}");
     }
 

@@ -38,7 +38,7 @@ fn most_urgent(names: &[&str], samples: &[Sample], faults: &[&[Fault]], complete
         None => {}
     }
     if let Some(name) = first(&|sample| sample.order == Order::EmergencyStop) {
-        return format!("{name}: emergency stop is latched; r releases it once it has stopped");
+        return format!("{name}: emergency stop is latched; r and y release it");
     }
     if samples.iter().any(|sample| !sample.node_up) {
         return "the node restarts: nothing is received or sent until it is up".to_owned();

@@ -230,6 +230,8 @@ fn a_suspended_rig_comes_back_and_a_resized_one_is_drawn_anew() {
 fn a_dumb_terminal_and_plain_get_lines() {
     for (term, args) in [
         ("dumb", &["--standby", "--duration", "2s"][..]),
+        ("", &["--standby", "--duration", "2s"]),
+        ("xterm", &["--standby", "--duration", "2s", "--csv", "/dev/stderr"]),
         ("xterm", &["--plain", "--standby", "--duration", "2s"]),
     ] {
         let mut terminal = Terminal::start_as(term, jetlink(args));

@@ -516,8 +516,8 @@ impl<'a> ScenarioContext<'a> {
         }
     }
 
-    /// A time in seconds; infinite where it never came.
-    pub fn or_never(&self, time: Option<Nanos>) -> f64 {
-        time.map_or(f64::INFINITY, |time| time as f64 / 1e9)
+    /// A time in seconds, or that it never came.
+    pub fn or_never(&self, time: Option<Nanos>) -> String {
+        time.map_or_else(|| "never".to_owned(), |time| format!("{:.2} s", time as f64 / 1e9))
     }
 }

@@ -33,7 +33,7 @@ pub async fn fault_clears(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.must(
         standby.is_some_and(|at| at <= out + 6 * SECOND),
         format!(
-            "left: standby is on the wire within 6 s of the flame-out, by its exhaust ({:.2} s)",
+            "left: standby is on the wire within 6 s of the flame-out, by its exhaust ({})",
             c.or_never(standby.map(|at| at.saturating_sub(out)))
         ),
     );

@@ -53,7 +53,7 @@ pub async fn source_loss(c: &ScenarioContext<'_>) -> Result<(), String> {
         let in_time = idle.is_some_and(|after| (2500 * MILLIS..=2700 * MILLIS + ON_WIRE).contains(&after));
         c.must(
             in_time,
-            format!("{name}: idle is on the wire 2.7 s after the silence began ({:.2} s)", c.or_never(idle)),
+            format!("{name}: idle is on the wire 2.7 s after the silence began ({})", c.or_never(idle)),
         );
         c.must(
             all(&c.transmitted(i, silent + 2700 * MILLIS + ON_WIRE, back), WireCommand::Run(0)),
@@ -69,7 +69,7 @@ pub async fn source_loss(c: &ScenarioContext<'_>) -> Result<(), String> {
             }),
             format!(
                 "{name}: 60 % is on the wire again after 1 s without a gap, at most 2 s of taking over, and 1.2 s of rising \
-                 ({:.2} s)",
+                 ({})",
                 c.or_never(again)
             ),
         );
@@ -153,10 +153,7 @@ pub async fn hot_start(c: &ScenarioContext<'_>) -> Result<(), String> {
         .map(|frame| frame.from - tripped);
     c.must(
         cancelled.is_some_and(|after| after <= SEES_STOP),
-        format!(
-            "left: standby is on the wire within 1.5 s of the ECU's stop ({:.2} s)",
-            c.or_never(cancelled)
-        ),
+        format!("left: standby is on the wire within 1.5 s of the ECU's stop ({})", c.or_never(cancelled)),
     );
     c.must(
         all(&c.transmitted(0, tripped + SEES_STOP, allowed), WireCommand::Standby),
@@ -188,17 +185,14 @@ pub async fn flame_out(c: &ScenarioContext<'_>) -> Result<(), String> {
     );
     c.must(
         reported.is_some_and(|at| at - out <= 3 * SECOND),
-        format!(
-            "left: the flame-out is reported within 3 s ({:.2} s)",
-            c.or_never(reported.map(|at| at - out))
-        ),
+        format!("left: the flame-out is reported within 3 s ({})", c.or_never(reported.map(|at| at - out))),
     );
     let frames = c.transmitted(0, out, end);
     let standby = frames.iter().find(|frame| frame.command == WireCommand::Standby).map(|frame| frame.from);
     c.must(
         standby.is_some_and(|at| at >= stopped.saturating_sub(ON_WIRE) && at <= stopped + SEES_STOP),
         format!(
-            "left: standby is on the wire within 1.5 s of the ECU's own stop ({:.2} s)",
+            "left: standby is on the wire within 1.5 s of the ECU's own stop ({})",
             c.or_never(standby.map(|at| at.saturating_sub(stopped)))
         ),
     );
@@ -233,16 +227,13 @@ pub async fn flame_out(c: &ScenarioContext<'_>) -> Result<(), String> {
     );
     c.must(
         reported.is_some_and(|at| at - out <= 3 * SECOND),
-        format!(
-            "right: the flame-out is reported within 3 s ({:.2} s)",
-            c.or_never(reported.map(|at| at - out))
-        ),
+        format!("right: the flame-out is reported within 3 s ({})", c.or_never(reported.map(|at| at - out))),
     );
     let fault = c.when_reported(1, |event| matches!(event, Event::Faults(faults) if !faults.is_empty()));
     c.must(
         fault.is_some_and(|at| at <= stopped + SECOND),
         format!(
-            "right: the ECU's fault is reported within 1 s of its stop ({:.2} s)",
+            "right: the ECU's fault is reported within 1 s of its stop ({})",
             c.or_never(fault.map(|at| at.saturating_sub(stopped)))
         ),
     );
@@ -251,7 +242,7 @@ pub async fn flame_out(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.must(
         standby.is_some_and(|at| at >= out && at <= out + SEES_COLD),
         format!(
-            "right: standby is on the wire within 6 s of the flame-out, by its exhaust ({:.2} s)",
+            "right: standby is on the wire within 6 s of the flame-out, by its exhaust ({})",
             c.or_never(standby.map(|at| at.saturating_sub(out)))
         ),
     );
@@ -275,7 +266,7 @@ pub async fn flame_out(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.must(
         other.zip(standby).is_some_and(|(at, standby)| at <= standby + SECOND),
         format!(
-            "left: reported that the other engine has failed ({:.2} s)",
+            "left: reported that the other engine has failed ({})",
             c.or_never(other.map(|at| at.saturating_sub(out)))
         ),
     );
@@ -373,7 +364,7 @@ pub async fn engine_lost(c: &ScenarioContext<'_>) -> Result<(), String> {
     let lost = c.when_reported(0, |event| event == Event::LinkLost).map(|at| at.saturating_sub(cut));
     c.must(
         lost.is_some_and(|after| after <= 1300 * MILLIS),
-        format!("left: the loss is reported within 1 s of the last frame ({:.2} s)", c.or_never(lost)),
+        format!("left: the loss is reported within 1 s of the last frame ({})", c.or_never(lost)),
     );
     c.must(
         stopped - cut <= 2300 * MILLIS,
@@ -387,14 +378,14 @@ pub async fn engine_lost(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.must(
         given_up.is_some_and(|after| (3800 * MILLIS..=4100 * MILLIS).contains(&after)),
         format!(
-            "left: the run is given up 4 s after the last set, the serial delay time that the node is set to ({:.2} s)",
+            "left: the run is given up 4 s after the last set, the serial delay time that the node is set to ({})",
             c.or_never(given_up)
         ),
     );
     let other = c.when_reported(1, |event| event == Event::OtherFailed(1)).map(|at| at.saturating_sub(cut));
     c.must(
         other.is_some_and(|after| after <= 1400 * MILLIS),
-        format!("right: reported that the other engine has failed ({:.2} s)", c.or_never(other)),
+        format!("right: reported that the other engine has failed ({})", c.or_never(other)),
     );
     c.must(
         c.events_since(1, cut, |event| matches!(event, Event::OtherFailed(_))) == 1,
@@ -412,7 +403,7 @@ pub async fn engine_lost(c: &ScenarioContext<'_>) -> Result<(), String> {
             && all(&frames, WireCommand::Standby)
             && standby.is_some_and(|at| all(&c.transmitted(0, at, end), WireCommand::Standby)),
         format!(
-            "left: the first word is standby, once two sets say that the engine is at rest ({:.2} s), and it stays",
+            "left: the first word is standby, once two sets say that the engine is at rest ({}), and it stays",
             c.or_never(standby.map(|at| at - joined))
         ),
     );
@@ -458,7 +449,7 @@ pub async fn emergency_stop(c: &ScenarioContext<'_>) -> Result<(), String> {
         let after = first.and_then(|first| frames.get(first)).map(|frame| frame.to - stop);
         c.must(
             after.is_some_and(|after| after <= ON_WIRE),
-            format!("{name}: on the wire in {:.0} ms, its last bit", c.or_never(after) * 1e3),
+            format!("{name}: on the wire in {}, its last bit", c.or_never(after)),
         );
         c.must(
             first.is_some_and(|first| {

@@ -54,7 +54,7 @@ pub async fn ecu_power_dip(c: &ScenarioContext<'_>) -> Result<(), String> {
                 standby.is_some_and(|after| after <= IDENTIFIED)
                     && all(&c.transmitted(i, on + IDENTIFIED, end), WireCommand::Standby),
                 format!(
-                    "{name}, {what}: standby is on the wire once its ECU is received ({:.2} s), and stays",
+                    "{name}, {what}: standby is on the wire once its ECU is received ({}), and stays",
                     c.or_never(standby)
                 ),
             );
@@ -179,7 +179,7 @@ pub async fn brown_out(c: &ScenarioContext<'_>) -> Result<(), String> {
         let first = frames.iter().find(|frame| is_run(frame.command)).map(|frame| frame.from - back);
         c.must(
             first.is_some_and(|after| after <= SECOND),
-            format!("{name}: run is on the wire {:.2} s after the node was back", c.or_never(first)),
+            format!("{name}: run is on the wire {} after the node was back", c.or_never(first)),
         );
         c.must(
             all(&c.transmitted(i, back + 5 * SECOND, end), WireCommand::Run(600)),
@@ -262,10 +262,7 @@ pub async fn ecu_swapped(c: &ScenarioContext<'_>) -> Result<(), String> {
             .map(|frame| frame.from - joined);
         c.must(
             standby.is_some_and(|after| after <= IDENTIFIED),
-            format!(
-                "{name}: standby is on the wire once the new ECU is received ({:.2} s)",
-                c.or_never(standby)
-            ),
+            format!("{name}: standby is on the wire once the new ECU is received ({})", c.or_never(standby)),
         );
         c.must(
             all(&c.transmitted(i, joined + IDENTIFIED, end), WireCommand::Standby),

@@ -37,7 +37,7 @@ pub async fn waiting_start(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.must(
         ended.is_some_and(|at| (silent..=silent + SECOND).contains(&at)),
         format!(
-            "right: reported within 1 s that the start is refused ({:.2} s)",
+            "right: reported within 1 s that the start is refused ({})",
             c.or_never(ended.map(|at| at.saturating_sub(silent)))
         ),
     );
@@ -192,8 +192,7 @@ pub async fn stop_release_arm_start(c: &ScenarioContext<'_>) -> Result<(), Strin
             format!("{name}: a source that kept saying arm has to say disarm first"),
         );
         c.must(
-            refused.get(i).and_then(|answers| answers.first())
-                == Some(&Some(Err(Rejected::Start(Interlock::NotArmed)))),
+            refused.get(i).and_then(|answers| answers.first()) == Some(&Some(Err(Rejected::DisarmFirst))),
             format!("{name}: run is refused, because the stop has disarmed"),
         );
         c.must(
@@ -234,7 +233,7 @@ pub async fn one_word_start(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.must(
         standby.is_some_and(|at| (11 * SECOND..=12 * SECOND + ON_WIRE).contains(&(at - lonely))),
         format!(
-            "right: alone, the start ends 12 s after its only word ({:.2} s)",
+            "right: alone, the start ends 12 s after its only word ({})",
             c.or_never(standby.map(|at| at - lonely))
         ),
     );

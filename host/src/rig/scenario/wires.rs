@@ -132,7 +132,7 @@ pub async fn framing_noise(c: &ScenarioContext<'_>) -> Result<(), String> {
                 c.must(
                     during >= least && pause.is_some_and(|pause| pause <= SECOND),
                     format!(
-                        "{name}, {what}: damaged sets are answered as before ({during} replies in 2 s, {:.2} s apart at most)",
+                        "{name}, {what}: damaged sets are answered as before ({during} replies in 2 s, {} apart at most)",
                         c.or_never(pause)
                     ),
                 );

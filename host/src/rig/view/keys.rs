@@ -185,7 +185,9 @@ pub fn does(event: &KeyEvent, open: &[Key]) -> Option<Does> {
         return None;
     }
     let ctrl = event.modifiers.contains(KeyModifiers::CONTROL);
-    let is_it = |key: &&Key| key.ctrl == ctrl && key.codes.contains(&event.code);
+    // The emergency stop is one with whatever else is held down.
+    let any = event.code == Char(' ');
+    let is_it = |key: &&Key| (any || key.ctrl == ctrl) && key.codes.contains(&event.code);
     let mut all = open.iter().chain(&KEYS);
     all.find(is_it).map(|key| key.does)
 }
@@ -212,9 +214,16 @@ mod tests {
 
     #[test]
     fn space_stops_everywhere() {
-        let space = press(KeyCode::Char(' '), KeyModifiers::NONE);
         for open in [&[][..], &FAULTS, &RELEASE] {
-            assert_eq!(does(&space, open), Some(Does::WishAll(Wish::Act(Act::EmergencyStop))));
+            for held in [KeyModifiers::NONE, KeyModifiers::CONTROL, KeyModifiers::SHIFT, KeyModifiers::all()]
+            {
+                let space = press(KeyCode::Char(' '), held);
+                assert_eq!(
+                    does(&space, open),
+                    Some(Does::WishAll(Wish::Act(Act::EmergencyStop))),
+                    "{held:?}"
+                );
+            }
             assert!(open.iter().all(|key| !key.codes.contains(&KeyCode::Char(' '))));
         }
     }
