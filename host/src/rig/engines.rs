@@ -5,7 +5,6 @@ mod description;
 mod zk;
 
 use self::description::{Described, Description};
-use super::simulated::parameters;
 use crate::protocols::protocols;
 use embassy_time::Duration;
 use jetlink::config::{EngineConfig, validate};
@@ -59,7 +58,7 @@ impl Engine {
 
     /// Whether this speed can be commanded: its ECU has speed control, and the engine reaches it.
     pub fn takes(&self, rpm: u32) -> Result<(), String> {
-        let (name, most) = (self.name(), parameters(self).max_rpm as u32);
+        let (name, most) = (self.name(), self.ecu.config().turbine().max_rpm as u32);
         if !self.ecu.has_speed_control() {
             return Err(format!("the ECU of {name} has no speed control: command a throttle"));
         }
