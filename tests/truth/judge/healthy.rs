@@ -462,8 +462,11 @@ impl Case<'_> {
         let (mut low_since, mut high_since) = (None, None);
         // No demand takes longer to fall.
         let fall = 1000 * SECOND / u64::from(rules.slew_down.unwrap_or(1000).min(rules.ramp).max(1));
+        let mut last = 0;
         for sample in &h.samples {
             let at = sample.at;
+            let new = h.commanded(last, at);
+            last = at;
             let run = self.command_log.run_in_control(at).filter(|(source, _)| {
                 // Nobody above it was received lately, who may still be the one in control.
                 (0..*source).all(|higher| {
@@ -486,7 +489,11 @@ impl Case<'_> {
             since = match (steady, since) {
                 (None, _) => None,
                 (Some((source, demanded)), Some((from, before, requested)))
-                    if source == before && demanded == requested =>
+                    if source == before
+                        && demanded == requested
+                        && !new
+                            .iter()
+                            .any(|each| each.source == source && strays(each.command, demanded)) =>
                 {
                     Some((from, source, demanded))
                 }
@@ -569,4 +576,9 @@ fn longest_outside(spans: &Spans, from: u64, at: u64) -> u64 {
         since = ends;
     }
     longest.max(at.saturating_sub(since))
+}
+
+/// Whether this commands another demand.
+fn strays(command: PilotCommand, demanded: Demanded) -> bool {
+    matches!(command, PilotCommand::Run(other) if other != demanded)
 }

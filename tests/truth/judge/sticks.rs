@@ -259,8 +259,9 @@ impl Case<'_> {
             && !self.blind.touches(from, at + SECOND)
             && !self.down.touches(from, at + SECOND)
             && !self.h.deaf.touches(from, at + SECOND)
-            && !self
-                .others(at, SECOND, |command| matches!(command, PilotCommand::Run(_) | PilotCommand::Stop))
+            && !self.others(at, SECOND, |command| {
+                matches!(command, PilotCommand::Run(_) | PilotCommand::Stop | PilotCommand::Pwm)
+            })
     }
 }
 

@@ -490,6 +490,25 @@ fn a_demand_is_not_held_above_the_commanded_one() {
     story(250, true).breaks_beside(&[Rule::Limit], &[Rule::HeldUp]);
 }
 
+/// A word of the same source that another one follows at the same instant has moved the demand, which comes down at its rate.
+#[test]
+fn a_demand_that_a_stray_word_has_raised_comes_down_at_its_rate() {
+    let throttle = |tenths| PilotCommand::Run(Demanded::Throttle(tenths));
+    let story = |strays: bool| {
+        let calm = flight(ZK5, 40.0).streams(PILOT, 40.0, 80.0, throttle(200));
+        let calm = if strays { calm.once(PILOT, 65.0, throttle(500)) } else { calm };
+        calm.once(PILOT, 65.0, throttle(200))
+            .wire(40.0, 65.0, Sent::Full(Switch::Run, 200))
+            .ramp(65.0, 500, 200)
+            .wire(65.7, 67.5, Sent::Full(Switch::Run, 300))
+            .wire(67.5, 80.0, Sent::Full(Switch::Run, 200))
+            .turbine(40.0, 80.0, Phase::Running, 80_000.0, 500.0)
+            .with(|h| h.rules.slew_down = Some(200))
+    };
+    story(true).breaks_beside(&[Rule::Rate], &[]);
+    story(false).breaks_beside(&[Rule::Rate], &[Rule::HeldUp]);
+}
+
 /// An engine has failed for sure if it went out and nobody commanded standby: below a source in control that commands run, standby changes
 /// nothing. A speed may be refused, and then its source is not in control.
 #[test]

@@ -337,3 +337,22 @@ fn a_position_that_is_found_shuts_nothing_down() {
     is_silent(moved(35.08));
     speaks(moved(35.15), "has moved to standby");
 }
+
+/// With the switch at run and the stick up, which starts nothing. Between the hand-over by another source and its end, radio control is
+/// present.
+#[test]
+fn in_standby_radio_control_commands_it_but_beside_a_hand_over() {
+    let is_found = |hands_over: bool| {
+        let standby =
+            [(2.11, 2.6), (2.69, 3.3), (3.35, 4.01)].map(|(from, to)| (from, to, PilotCommand::Standby));
+        let commands = [&FLIGHT[..4], &standby, &[(3.3, 3.35, PilotCommand::Nothing)]].concat();
+        let story = flown(40.0).sends(2.6, good(Position::Run, 500)).commands(&commands).with(|h| {
+            if hands_over {
+                h.commanded.push(Commanded { at: micros(3.29), source: 0, command: PilotCommand::Pwm });
+            }
+        });
+        findings(story).iter().any(|text| text.contains("radio control is in control in standby"))
+    };
+    assert!(is_found(false));
+    assert!(!is_found(true));
+}
