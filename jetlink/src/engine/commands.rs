@@ -212,8 +212,10 @@ impl Engine {
         let can = self.can(now, demand);
         match can {
             Ok(()) => self.sources.command(now, origin, Intent::Run(demand)),
-            // The ECU has not reported its version yet: the source is present, and its run stays.
-            Err(Rejected::NeedsVersion { known: None, .. }) => self.sources.defer_run(now, origin, demand),
+            // The ECU has not reported its version yet, or no shaft speed: the source is present, and its run stays.
+            Err(Rejected::NeedsVersion { known: None, .. } | Rejected::RpmNotKnown) => {
+                self.sources.defer_run(now, origin, demand);
+            }
             Err(_) => {}
         }
         let result = match &self.mode {

@@ -292,3 +292,33 @@ fn a_governed_rpm_is_retained_until_its_source_is_lost() {
     assert_eq!(scenario.telemetry().loss, LossStage::FailSafe);
     assert_eq!(scenario.bench.machine.record().order, Order::Run(percent(0)));
 }
+
+/// An engine that is found by its exhaust after a brown-out, behind error sets, which have no speed. A source that commands an rpm all
+/// the time is not silent.
+#[test]
+fn an_rpm_that_is_commanded_before_any_speed_is_known_is_no_silence() {
+    for commands in [true, false] {
+        let mut flight = at(governed(|_| {}), 60, 80_000);
+        flight.fly_us(target(80_000), Origin::Rc, 2 * SECOND);
+        let record = flight.bench.machine.record().without_start();
+        let mut scenario = Scenario::after_reset(Ecu::Amt, governed(|_| {}), Some(record));
+        scenario.reports = Some(Reports::Running);
+        (scenario.values.fault, scenario.values.egt_celsius) = (Exhaust::Burns.fault(), 500);
+        if commands {
+            scenario.fly_us(target(80_000), Origin::Rc, 30 * SECOND);
+        } else {
+            scenario.pass_us(30 * SECOND);
+        }
+        let sent = scenario.sent();
+        assert_eq!(sent.contains(&Wire::Standby), !commands, "{commands}: {:?}", sent.last());
+        // When the fault clears, the governor has the speed.
+        if commands {
+            (scenario.values.fault, scenario.values.rpm) = (0, Some(80_000));
+            scenario.values.half_percents = 120;
+            scenario.fly_us(target(80_000), Origin::Rc, 2 * SECOND);
+            let sent = scenario.sent();
+            assert!(!sent.is_empty() && sent.iter().all(|wire| matches!(wire, Wire::Run(_))), "{sent:?}");
+            assert_eq!(scenario.telemetry().commanded, Some(rpm(80_000)));
+        }
+    }
+}

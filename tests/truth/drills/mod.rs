@@ -84,7 +84,7 @@ pub struct Director {
     /// The source that flies, and what it commands.
     main: usize,
     stick: Demanded,
-    /// Flies by shaft speed, where the ECU holds one.
+    /// Flies by shaft speed, where the ECU or a governor holds one.
     by_rpm: bool,
     /// Drills that still follow until the engine is shut down.
     left: u64,
@@ -171,8 +171,7 @@ impl Director {
 
     /// A demand for a while.
     fn demand(&self, rng: &mut Rng, view: &View) -> Demanded {
-        // None for a governor: it is refused where the shaft speed is not known, and its source then counts as silent (5000060).
-        match view.max_rpm {
+        match view.max_rpm.or(self.rules.governor.then_some(100_000)) {
             Some(max) if self.by_rpm => {
                 Demanded::Rpm((u64::from(max) * rng.between(45, 100) / 100) as u32 / 100 * 100)
             }

@@ -244,7 +244,7 @@ impl Oracle {
             | Rejected::AboveMaxRpm { .. },
         ) = answer
         {
-            if let Err(Rejected::NeedsVersion { known: None, .. }) = answer {
+            if let Err(Rejected::NeedsVersion { known: None, .. } | Rejected::RpmNotKnown) = answer {
                 // It is present, and its earlier run stays in force, if it was present all along.
                 let (before, active_before) = (self.sources[slot(origin)], self.active_source(at));
                 let fresh = before.filter(|before| at < before.silent_from);
