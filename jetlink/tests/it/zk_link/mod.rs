@@ -22,7 +22,7 @@ use jetlink::ecu::{Faults, Service};
 use jetlink::engine::Engine;
 use jetlink::engine::retained::RetainedState;
 use jetlink::event::Event;
-use jetlink::line::Line;
+use jetlink::line::{Line, LineError};
 use jetlink::link::{Link, Sign, Stage};
 use jetlink::report::{LinkState, NotSent, Phase, ReportedSwitch};
 use jetlink::units::{Hectopascals, Millivolts, Rpm, Throttle};

@@ -188,3 +188,14 @@ fn zk_16_a_corrupted_frame_is_counted() {
     bench.receive(&zk::state(STATE_STOP));
     assert_eq!(bench.machine.status().report.phase.unwrap().value, Phase::Stopped);
 }
+
+/// A byte that a failed read has lost is counted with its error.
+#[test]
+fn line_errors_and_lost_bytes_are_counted() {
+    let mut bench = link(Config::DEFAULT, LINE);
+    bench.machine.line_error(LineError::Noise);
+    bench.machine.byte_lost(LineError::Overrun);
+    bench.machine.byte_lost(LineError::Read);
+    let counters = bench.machine.status().counters;
+    assert_eq!((counters.noise_errors, counters.overruns, counters.read_errors), (1, 1, 1));
+}
