@@ -233,16 +233,7 @@ mod tests {
 
     /// These bytes back to back from `start` on, 0.1 ms each.
     fn sent(start: Nanos, bytes: &[u8]) -> Vec<Entry> {
-        (0..)
-            .zip(bytes)
-            .map(|(i, &byte)| Entry {
-                direction: Direction::ToEcu,
-                byte,
-                start: start + i * BYTE,
-                end: start + (i + 1) * BYTE,
-                fate: Fate::Delivered,
-            })
-            .collect()
+        Entry::delivered(Direction::ToEcu, start, BYTE, bytes)
     }
 
     fn zk(high: u8, low: u8) -> [u8; 4] {

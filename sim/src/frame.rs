@@ -260,14 +260,7 @@ mod tests {
     #[test]
     fn a_frame_may_have_any_length() {
         let bytes = [&[0xAA, 7, 7][..], &[0xAA, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1][..]].concat();
-        let entry = |(at, byte)| Entry {
-            direction: Direction::ToEcu,
-            byte,
-            start: at,
-            end: at + 1,
-            fate: Fate::Delivered,
-        };
-        let record: Vec<Entry> = (0..).zip(bytes).map(entry).collect();
+        let record = Entry::delivered(Direction::ToEcu, 0, 1, &bytes);
         // The first twelve bytes begin with a head, and are a frame of their own.
         let mut strict = Reader::<Long>::strict(1);
         let found: Vec<_> = strict.read(&record).map(|frame| (frame.start, frame.command)).collect();

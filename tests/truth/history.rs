@@ -257,6 +257,22 @@ pub struct RadioRules {
     pub hand_over: u8,
 }
 
+impl RadioRules {
+    /// Those of most transmitters here.
+    pub const USUAL: Self = Self {
+        throttle: 3,
+        low: 1100,
+        high: 1900,
+        reversed: false,
+        beyond: 150,
+        switch: 5,
+        stop: 1300,
+        run: 1700,
+        switch_reversed: false,
+        hand_over: 7,
+    };
+}
+
 /// Bytes of an SBUS frame.
 pub const SBUS: usize = 25;
 

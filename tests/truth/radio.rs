@@ -30,18 +30,8 @@ pub struct Layout {
 impl Layout {
     /// One of eight.
     pub const fn of(number: u64) -> Self {
-        let usual = RadioRules {
-            throttle: 3,
-            low: 1100,
-            high: 1900,
-            reversed: false,
-            beyond: 150,
-            switch: 5,
-            stop: 1300,
-            run: 1700,
-            switch_reversed: false,
-            hand_over: if number & 4 == 0 { 7 } else { 0 },
-        };
+        let hand_over = if number & 4 == 0 { RadioRules::USUAL.hand_over } else { 0 };
+        let usual = RadioRules { hand_over, ..RadioRules::USUAL };
         match number & 3 {
             0 | 1 => Self { rules: usual, positions: [1000, 1500, 2000], between: 1650 },
             2 => Self {

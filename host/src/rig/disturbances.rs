@@ -34,8 +34,8 @@ pub struct Disturbances {
 }
 
 impl Disturbances {
-    /// A fault begins or ends. One that is there cannot begin, and one that is not there cannot end.
-    pub fn set(&mut self, at: Instant, by: By, fault: Fault, begins: bool) {
+    /// A fault begins or ends. One that is there cannot begin, and one that is not there cannot end: false.
+    pub fn set(&mut self, at: Instant, by: By, fault: Fault, begins: bool) -> bool {
         let place = self.lasting.iter().position(|&other| other == (by, fault));
         match (place, begins) {
             (None, true) => self.lasting.push((by, fault)),
@@ -43,8 +43,9 @@ impl Disturbances {
                 self.lasting.remove(place);
                 self.happens(at);
             }
-            (Some(_), true) | (None, false) => {}
+            (Some(_), true) | (None, false) => return false,
         }
+        true
     }
 
     /// What `--faults` does to a line, from now on.

@@ -176,11 +176,7 @@ mod tests {
     use super::*;
 
     fn entries(direction: Direction, from: Nanos, bytes: &[u8]) -> Vec<Entry> {
-        let entry = |(i, &byte): (usize, &u8)| {
-            let start = from + i as Nanos * 4_166_667;
-            Entry { direction, byte, start, end: start + 4_166_667, fate: Fate::Delivered }
-        };
-        bytes.iter().enumerate().map(entry).collect()
+        Entry::delivered(direction, from, 4_166_667, bytes)
     }
 
     #[test]

@@ -88,3 +88,14 @@ pub struct Entry {
     /// Its fate.
     pub fate: Fate,
 }
+
+impl Entry {
+    /// These bytes back to back, which arrived as they were sent.
+    pub fn delivered(direction: Direction, from: Nanos, byte_time: Nanos, bytes: &[u8]) -> Vec<Self> {
+        let entry = |(i, &byte): (Nanos, &u8)| {
+            let start = from + i * byte_time;
+            Self { direction, byte, start, end: start + byte_time, fate: Fate::Delivered }
+        };
+        (0..).zip(bytes).map(entry).collect()
+    }
+}

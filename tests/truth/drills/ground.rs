@@ -1,8 +1,9 @@
 //! Drills of an engine at rest, and in a start.
 
 use super::{Condition, Director, IDLE, Step, beside, fault, once, silent, stream, throttle};
+use crate::acts::Act;
 use crate::faults::Fault;
-use crate::history::{Cause, MS, PilotCommand, SECOND};
+use crate::history::{Cause, Demanded, MS, PilotCommand, SECOND};
 use crate::pilots::Rng;
 
 const OPEN_PUMP: PilotCommand = PilotCommand::Service(12);
@@ -173,13 +174,13 @@ impl Director {
 
     fn another_ecu(&self, rng: &mut Rng) -> Vec<Step> {
         let off = rng.spread(300 * MS, 5 * SECOND);
-        let swap = Step::Act(crate::acts::Act::Swap(rng.between(1, 7) as u8, off));
+        let swap = Step::Act(Act::Swap(rng.between(1, 7) as u8, off));
         [vec![swap, Step::Wait(off + rng.spread(200 * MS, 6 * SECOND))], self.again()].concat()
     }
 
     /// A start, and what happens in it.
     pub(super) fn start(&mut self, rng: &mut Rng) -> (&'static str, Vec<Step>) {
-        self.stick = crate::history::Demanded::Throttle(0);
+        self.stick = Demanded::Throttle(0);
         let runs = vec![Step::Until(Condition::Ends, 40 * SECOND), Step::Wait(2 * SECOND)];
         let begin = vec![
             stream(self.main, IDLE),

@@ -4,18 +4,6 @@ use super::*;
 use crate::history::{Position, Radio, RadioRules};
 use sim::receiver::{CHANNELS, sbus, steps};
 
-const RADIO: RadioRules = RadioRules {
-    throttle: 3,
-    low: 1100,
-    high: 1900,
-    reversed: false,
-    beyond: 150,
-    switch: 5,
-    stop: 1300,
-    run: 1700,
-    switch_reversed: false,
-    hand_over: 7,
-};
 /// From frame to frame.
 const PERIOD: u64 = 14 * MS;
 
@@ -97,7 +85,7 @@ impl Flown {
                 story.0.commanded.push(Commanded { at: *at, source: PILOT, command: *command });
             }
         }
-        story.0.radio = Some(Radio { rules: RADIO, frames });
+        story.0.radio = Some(Radio { rules: RadioRules::USUAL, frames });
         story
     }
 }

@@ -30,9 +30,9 @@ use jetlink::link::{Link, Output, Sign, Speaks, Stage};
 use jetlink::report::{LinkState, NotSent, Phase};
 use jetlink::setting::Effect;
 use jetlink::units::{Celsius, Throttle};
-use sim::ecu::{Ecu, Nanos};
+use sim::ecu::Ecu;
 use sim::frame::{ControlFrame, Reader, Switch};
-use sim::wire::{Direction, Entry, Fate};
+use sim::wire::{Direction, Entry};
 use wired_bench::{LONG, received, throttle};
 
 const LINE: Line = Line::new(9600);
@@ -189,14 +189,7 @@ fn reader_of_the_simulation_reads_what_a_toy_node_sends() {
 
 #[test]
 fn reader_of_the_simulation_finds_toy_frames_behind_a_part_of_one() {
-    let entry = |(at, byte)| Entry {
-        direction: Direction::ToEcu,
-        byte,
-        start: at,
-        end: at + 1,
-        fate: Fate::Delivered,
-    };
-    let record: Vec<Entry> = (0 as Nanos..).zip([0x5A, 0x5A, 2, 4, 0x5A, 9, 0x5A, 4]).map(entry).collect();
+    let record = Entry::delivered(Direction::ToEcu, 0, 1, &[0x5A, 0x5A, 2, 4, 0x5A, 9, 0x5A, 4]);
     let mut reader = Reader::<ToyCommand>::new();
     let found: Vec<_> = reader.read(&record).map(|frame| (frame.start, frame.command)).collect();
     let bad = Err(BadCommand::Number(9));

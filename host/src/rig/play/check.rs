@@ -1,5 +1,6 @@
 //! Whether each fault of a script file can act: one that cannot is a mistake, as with `--faults`.
 
+use super::super::disturbances::{By, Disturbances};
 use super::super::engines::Engine;
 use super::super::plan::Plan;
 use super::super::quantity::seconds;
@@ -21,7 +22,7 @@ pub struct Played<'a> {
 
 /// Whether each of them can act.
 pub fn check(actions: &[(Instant, Action)], played: &Played<'_>) -> Result<(), String> {
-    let mut lasting: Vec<Vec<Fault>> = vec![Vec::new(); played.engines.len()];
+    let mut lasting = vec![Disturbances::default(); played.engines.len()];
     for &(at, action) in actions {
         let Act::Fault(fault, begins) = action.act else { continue };
         let wrong = |what: &str| {
@@ -33,15 +34,8 @@ pub fn check(actions: &[(Instant, Action)], played: &Played<'_>) -> Result<(), S
         let concerned: Vec<usize> = concerned.collect();
         if !fault.is_once() {
             let mut changes = false;
-            let of_it = lasting.iter_mut().enumerate().filter(|(engine, _)| concerned.contains(engine));
-            for (_, lasting) in of_it {
-                let place = lasting.iter().position(|other| *other == fault);
-                changes |= place.is_some() != begins;
-                match (place, begins) {
-                    (None, true) => lasting.push(fault),
-                    (Some(place), false) => drop(lasting.remove(place)),
-                    (Some(_), true) | (None, false) => {}
-                }
+            for &engine in &concerned {
+                changes |= lasting[engine].set(at, By::Hand, fault, begins);
             }
             if !changes {
                 return wrong(if begins { "that lasts already" } else { "nothing of that kind lasts" });

@@ -82,7 +82,7 @@ pub fn lanes(happened: &[Happening], time: &Scale, sides: (f64, f64)) -> usize {
     last.map_or(0, |last| last + 1).max(LANES.0)
 }
 
-/// That there are lines without a name, and areas: so many.
+/// How many lines and areas have no name.
 pub fn unnamed(happened: &[Happening], time: &Scale, sides: (f64, f64), areas: usize) -> Option<String> {
     let lines = marks(happened, time, sides).iter().filter(|mark| mark.lane.is_none()).count();
     let count = lines + areas;

@@ -18,7 +18,7 @@ use jetlink::command::{Accepted, Demand, Interlock, Order, Origin, Rejected};
 use jetlink::units::{Rpm, Throttle};
 use sim::ecu::{MILLIS, SECOND};
 use sim::turbine::Phase;
-use sim::wire::{Direction, Entry, Fate};
+use sim::wire::{Direction, Entry};
 use std::cell::RefCell;
 
 const HEAD: &str = "jetlink rig script, version 0.1.0\n";
@@ -220,14 +220,8 @@ fn a_source_that_is_refused_is_silent_for_the_audit() {
     ] {
         let context = EngineContext::new(0, &engines[0], Instant::MIN, &notes);
         // Its ECU is received all the time, a byte for each frame.
-        let byte = |at| Entry {
-            direction: Direction::ToNode,
-            byte: 0,
-            start: at,
-            end: at + MILLIS,
-            fate: Fate::Delivered,
-        };
-        let received: Vec<Entry> = (32..160).map(|eighth| byte(eighth * SECOND / 8)).collect();
+        let byte = |eighth| Entry::delivered(Direction::ToNode, eighth * SECOND / 8, MILLIS, &[0]);
+        let received: Vec<Entry> = (32..160).flat_map(byte).collect();
         context.audit.borrow_mut().look(&received);
         context.judge(5 * SECOND, idle, Origin::Bench, Ok(Accepted::InForce));
         (51..200).for_each(|tenth| context.judge(tenth * SECOND / 10, order, Origin::Bench, answer));
