@@ -122,7 +122,7 @@ pub trait Link {
     /// Takes received bytes up to the end of one frame and returns how many it took; call it again with
     /// the rest, after draining [`Link::poll`].
     fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize;
-    /// The UART reported a line error.
+    /// The UART reported a line error in the bytes that are received next.
     fn line_error(&mut self, error: LineError);
     /// A read failed, and the byte is lost. All earlier bytes were received.
     fn byte_lost(&mut self, error: LineError) {

@@ -238,7 +238,7 @@ pub struct Counters {
     pub crc_failures: u32,
     /// Unfinished frames (AMT), including set-up sets without an end.
     pub truncated: u32,
-    /// Frames whose values were discarded, because the UART reported a fault during reception (AMT: no checksum).
+    /// Frames whose values were discarded, because the UART reported an error while they were received.
     pub damaged_frames: u32,
     /// Bytes that belonged to no frame.
     pub bytes_skipped: u32,

@@ -199,3 +199,84 @@ fn line_errors_and_lost_bytes_are_counted() {
     let counters = bench.machine.status().counters;
     assert_eq!((counters.noise_errors, counters.overruns, counters.read_errors), (1, 1, 1));
 }
+
+/// One damaged frame in 256 has a right CRC. Which byte of a read had the error, the UART does not tell.
+#[test]
+fn values_of_frames_with_a_line_error_are_discarded_and_the_next_ones_count() {
+    let (wrong, right) = (zk::state(STATE_STANDBY), zk::state(STATE_RUNNING));
+    for error in [LineError::Framing, LineError::Overrun, LineError::Parity, LineError::Read] {
+        let mut bench = link(Config::DEFAULT, LINE);
+        for _ in 0..2 {
+            bench.machine.line_error(error);
+            bench.receive(&wrong);
+        }
+        let status = bench.machine.status();
+        assert_eq!((status.state, status.report.phase), (LinkState::Silent, None), "{error:?}");
+        assert_eq!((status.counters.frames, status.counters.damaged_frames), (2, 2), "{error:?}");
+        assert_eq!(bench.machine.take_sign(), None, "{error:?}");
+
+        for _ in 0..2 {
+            bench.receive(&right);
+        }
+        let status = bench.machine.status();
+        assert_eq!(status.report.phase.unwrap().value, Phase::Running, "{error:?}");
+        assert_eq!(status.counters.damaged_frames, 2, "{error:?}");
+    }
+}
+
+/// The samples of a bit differed, and most of them decided: that is left to the CRC, because an edge that is always a little late
+/// would cost every frame.
+#[test]
+fn a_noise_error_alone_discards_nothing() {
+    let mut bench = link(Config::DEFAULT, LINE);
+    for _ in 0..2 {
+        bench.machine.line_error(LineError::Noise);
+        bench.receive(&zk::state(STATE_STANDBY));
+    }
+    let status = bench.machine.status();
+    assert_eq!(status.report.phase.unwrap().value, Phase::Standby);
+    assert_eq!((status.counters.damaged_frames, status.counters.noise_errors), (0, 2));
+}
+
+/// Frames of which one byte had an error, whatever the reads were; the others count.
+#[test]
+fn a_line_error_discards_each_frame_that_its_bytes_may_be_in() {
+    let frame = zk::state(STATE_RUNNING);
+    let damaged = |reads: &[(bool, &[u8])]| {
+        let mut bench = link(Config::DEFAULT, LINE);
+        for (error, bytes) in reads {
+            if *error {
+                bench.machine.line_error(LineError::Framing);
+            }
+            bench.receive(bytes);
+        }
+        let counters = bench.machine.status().counters;
+        (counters.frames, counters.damaged_frames)
+    };
+    let (first, last) = frame.split_at(3);
+    assert_eq!(damaged(&[(true, first), (false, last), (false, &frame)]), (2, 1), "in its first bytes");
+    assert_eq!(damaged(&[(false, first), (true, last), (false, &frame)]), (2, 1), "in its last bytes");
+    assert_eq!(
+        damaged(&[(true, &[frame, frame].concat()), (false, &frame)]),
+        (3, 2),
+        "in one of two of a read"
+    );
+    assert_eq!(damaged(&[(true, &[0x00]), (false, &frame)]), (1, 0), "in a byte between two frames");
+    let across = [&frame[..], first].concat();
+    assert_eq!(damaged(&[(true, &across), (false, last), (false, &frame)]), (3, 2), "in one and a half");
+}
+
+/// A byte that a failed read has lost damages the frame that it was in, whatever the CRC of what is left.
+#[test]
+fn a_lost_byte_damages_the_frame_that_it_was_in_only() {
+    let frame = zk::state(STATE_RUNNING);
+    let mut bench = link(Config::DEFAULT, LINE);
+    bench.receive(&frame[..4]);
+    bench.machine.byte_lost(LineError::Read);
+    bench.receive(&frame[4..]);
+    assert_eq!(bench.machine.status().counters.damaged_frames, 1, "an added byte was lost, perhaps");
+    bench.machine.byte_lost(LineError::Read);
+    bench.receive(&frame);
+    let counters = bench.machine.status().counters;
+    assert_eq!((counters.frames, counters.damaged_frames, counters.read_errors), (2, 1, 2));
+}
