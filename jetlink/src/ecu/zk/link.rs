@@ -214,7 +214,7 @@ struct Damage {
     /// In the bytes of the next read, or in those that are left of this one. The UART does not tell in which.
     in_read: bool,
     /// Bytes since then.
-    intact: usize,
+    intact: u8,
 }
 
 impl Damage {
@@ -230,13 +230,14 @@ impl Damage {
 
     /// So many of the bytes that are left of a read were taken.
     fn received(&mut self, taken: usize, left: usize) {
-        self.intact = if self.in_read { 0 } else { self.intact.saturating_add(taken) };
+        self.intact =
+            if self.in_read { 0 } else { self.intact.saturating_add(u8::try_from(taken).unwrap_or(u8::MAX)) };
         self.in_read &= taken < left;
     }
 
     /// Whether one of the last bytes may be damaged.
     const fn reaches_back(self, bytes: usize) -> bool {
-        self.intact < bytes
+        (self.intact as usize) < bytes
     }
 }
 
