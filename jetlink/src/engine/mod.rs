@@ -108,9 +108,10 @@ impl Engine {
         // What has not reached the ECU must not jump when the transmitter works again.
         if let Mode::Run(run) = &mut self.mode {
             run.shaper.fall_back(now, run.sent);
-            run.shaper.rise();
         }
         let since = *self.transmitter.get_or_insert(now);
+        // A reply carries the order of the moment in which it is handed out, and that may be the next input.
+        self.update(now);
         let failed = now >= since + TRANSMITTER_FAILED;
         if failed && !core::mem::replace(&mut self.transmitter_failed, true) {
             self.event(Event::TransmitterFailed);

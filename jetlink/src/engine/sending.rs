@@ -20,6 +20,7 @@ impl Engine {
         let shape = Shape {
             running: matches!(&self.mode, Mode::Run(run) if run.life.reached()),
             living: self.lives(),
+            transmits: self.transmitter.is_none(),
             received: matches!(&self.mode, Mode::Run(run) if self.sources.has_commanded(run.active_source)),
             idle_rpm,
             max_rpm: self.link.status().report.max_rpm.map(|max| max.value),

@@ -34,6 +34,8 @@ pub(super) struct Shape {
     pub running: bool,
     /// Nothing puts that in doubt.
     pub living: bool,
+    /// The last frame that was due was sent.
+    pub transmits: bool,
     /// The active source was received since the node started: its demand is a command, not a retained value.
     pub received: bool,
     pub idle_rpm: Option<Rpm>,
@@ -148,8 +150,8 @@ impl Shaper {
         if core::mem::replace(&mut self.was_reduced, shape.reduced_to.is_some()) && !self.was_reduced {
             self.rising = true;
         }
-        // A demand held in doubt must not jump when the life is confirmed.
-        self.rising |= shape.running && !shape.living;
+        // A demand held in doubt must not jump when the life is confirmed, nor one when the transmitter works again.
+        self.rising |= shape.running && !(shape.living && shape.transmits);
         // The reduction for a failed engine is at least as fast as a fail-safe.
         let down = match shape.reduced_to {
             Some(_) => config.slew.down.map(|down| down.max(config.loss.ramp)),
@@ -189,7 +191,8 @@ impl Shaper {
             }
             Plan::To(demand) => {
                 let target = reduced(demand, shape.reduced_to);
-                self.rising &= !shape.running || !shape.received || self.moving.demand() != target;
+                self.rising &=
+                    !shape.running || !shape.received || !shape.transmits || self.moving.demand() != target;
                 (target, slew)
             }
             Plan::FailSafe { commanded, in_control } => {

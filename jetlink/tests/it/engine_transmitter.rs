@@ -1,11 +1,12 @@
-//! A transmitter that fails or hangs for 1 s is reported, once, and so is its first frame afterwards.
+//! A transmitter that fails or hangs for 1 s is reported, once, and so is its first frame afterwards. What it did not send is no demand
+//! that the next one begins from.
 
 use jetlink::command::Origin;
 use jetlink::event::Event;
 use jetlink::report::NotSent;
 
 use crate::support::bench::at_us;
-use crate::support::scenario::{BOTH, Ecu, FRAME_PERIOD_US, Reports, SECOND, Scenario, percent, run};
+use crate::support::scenario::{BOTH, Ecu, FRAME_PERIOD_US, Reports, SECOND, Scenario, Wire, percent, run};
 
 /// What is reported of the transmitter of a running engine none of whose frames are sent, for `why`, for this long.
 fn reported(ecu: Ecu, why: NotSent, millis: u64) -> (Vec<Event>, bool) {
@@ -48,5 +49,56 @@ fn a_transmitter_that_fails_for_a_second_is_reported_once() {
         }
         // A reply that is too late says nothing about the transmitter.
         assert_eq!(reported(ecu, NotSent::TooLate, 2500), (vec![], false), "{ecu:?}");
+    }
+}
+
+/// The next frame fails for `why`, so many times.
+fn fails(scenario: &mut Scenario, why: NotSent, times: usize) {
+    for _ in 0..times {
+        next_frame(scenario);
+        let failed_at = scenario.now_us() + 2 * FRAME_PERIOD_US / 5;
+        scenario.run_to_us(failed_at);
+        scenario.bench.not_sent_at_us(failed_at, why);
+    }
+}
+
+/// Lets time pass until a frame is handed out.
+fn next_frame(scenario: &mut Scenario) -> Wire {
+    scenario.sent();
+    while !scenario.bench.busy() {
+        scenario.pass_us(FRAME_PERIOD_US / 50);
+    }
+    scenario.sent().pop().expect("a switch and a demand")
+}
+
+/// The first throttle that is handed out after this number of frames at idle, and then at 100 %, were not sent, for `why`.
+fn first_throttle_behind(ecu: Ecu, why: NotSent, at_idle: usize, at_full: usize) -> Wire {
+    let mut scenario = Scenario::started_with(ecu, ecu.config(), percent(0));
+    scenario.reports(Reports::Running).fly_us(run(0), Origin::Rc, 2 * SECOND);
+    while scenario.bench.busy() {
+        scenario.pass_us(FRAME_PERIOD_US / 50);
+    }
+    scenario.bench = scenario.bench.by_hand();
+    fails(&mut scenario, why, at_idle);
+    scenario.command(run(0)).unwrap();
+    scenario.command(run(100)).unwrap();
+    fails(&mut scenario, why, at_full);
+    next_frame(&mut scenario)
+}
+
+/// Whether the frame that was not sent came before the stick moved or after it. The control: where all were sent, it jumps.
+#[test]
+fn a_demand_behind_frames_that_were_not_sent_rises_from_the_one_that_was_sent() {
+    for ecu in BOTH {
+        for why in [NotSent::Failed, NotSent::TimedOut] {
+            for (at_idle, at_full) in [(0, 1), (1, 0), (1, 1), (3, 3), (0, 8)] {
+                let Wire::Run(tenths) = first_throttle_behind(ecu, why, at_idle, at_full) else {
+                    panic!("{ecu:?} runs")
+                };
+                // 50 % a second, for two frames at most.
+                assert!(tenths <= 50, "{ecu:?} {why:?} {at_idle} {at_full}: {tenths}");
+            }
+            assert_eq!(first_throttle_behind(ecu, why, 0, 0), Wire::Run(1000), "{ecu:?}");
+        }
     }
 }
