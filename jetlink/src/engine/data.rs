@@ -13,7 +13,7 @@ use crate::ecu::EcuConfig;
 use crate::ecu::any::AnyLink;
 use crate::event::Event;
 use crate::line::Line;
-use crate::link::{Link, Stage};
+use crate::link::Link;
 use crate::report::{Phase, Timed, bump};
 use crate::units::Millivolts;
 use embassy_time::{Duration, Instant};
@@ -47,10 +47,10 @@ pub(super) enum Beginning {
     FromStandby,
     /// No order was in force, and the ECU reports a running engine.
     Found {
-        /// Two reports confirm it; otherwise only the exhaust temperature does.
-        confirmed: bool,
-        /// Stage of a start that is under way, and time since it was ordered.
-        starting: Option<(Stage, Duration)>,
+        /// What its reports show of it.
+        life: Life,
+        /// Time since the order of a start that is under way.
+        started_before: Duration,
         /// Time for which no source has been in control.
         lost_for: Duration,
     },

@@ -1,7 +1,7 @@
 //! What one frame says about the life of the engine, and the engine that is found running.
 
 use super::data::{Beginning, Engine, Mode, RESETS_MAX};
-use super::life::{Finding, Found};
+use super::life::{Finding, Found, Life};
 use super::run::Run;
 use super::sources::Intent;
 use crate::command::{Demand, Origin};
@@ -79,7 +79,6 @@ impl Engine {
             (Found::NotRunning, _) => self.standby(now, Origin::Node),
             // It has no source, so the stages of loss begin.
             (Found::Running | Found::Burning, throttle) => {
-                let confirmed = found == Found::Running;
                 let lost_for = match &self.mode {
                     Mode::Listen(finding) => self.lost_for(now, finding),
                     _ => Duration::from_ticks(0),
@@ -87,16 +86,22 @@ impl Engine {
                 let throttle = self.lost_throttle(lost_for, throttle.unwrap_or(Throttle::IDLE));
                 let demand = Demand::Throttle(throttle);
                 // An interrupted start continues until its ECU reports running. So does a start that no record has.
-                let starting = match (&self.mode, sign) {
-                    (Mode::Listen(Finding { started: Some(since), .. }), Sign::State { stage, .. }) => {
-                        (stage != Stage::Running).then_some((stage, *since))
-                    }
-                    (_, Sign::State { stage: Stage::Starting, .. }) => {
-                        Some((Stage::Starting, Duration::from_ticks(0)))
-                    }
-                    _ => None,
+                let (ran, started) = match &self.mode {
+                    Mode::Listen(finding) => (finding.ran, finding.started),
+                    _ => (false, None),
                 };
-                let beginning = Beginning::Found { confirmed, starting, lost_for };
+                let life = match sign {
+                    Sign::State { stage: Stage::Running, .. } => Life::found_running(),
+                    Sign::State { stage, .. } if started.is_some() || stage == Stage::Starting => {
+                        Life::found_starting(stage)
+                    }
+                    // In flight, if it ran before. Otherwise the ECU may have begun it just now.
+                    Sign::State { .. } if ran => Life::found_running(),
+                    Sign::State { .. } => Life::found_turning(now),
+                    _ => Life::found_burning(now),
+                };
+                let started_before = started.filter(|_| !life.reached()).unwrap_or(Duration::from_ticks(0));
+                let beginning = Beginning::Found { life, started_before, lost_for };
                 self.begin(now, demand, Origin::Node, beginning);
                 self.update(now);
                 if let Mode::Run(run) = &mut self.mode {

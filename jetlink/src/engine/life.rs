@@ -135,6 +135,12 @@ impl Life {
         Self { progress: Progress::Reached, ran: true, ..Self::ordered() }
     }
 
+    /// A life found with a shaft that turns, in a state that a start and a flight have in common: in doubt until two reports confirm
+    /// that it runs.
+    pub const fn found_turning(now: Instant) -> Self {
+        Self::handed_over(now, false)
+    }
+
     /// A life found after a reset, by the exhaust alone: in doubt until two reports confirm it.
     pub const fn found_burning(now: Instant) -> Self {
         let doubt = Doubt { cause: Cause::Reset, burned: true, ..Doubt::new(now) };

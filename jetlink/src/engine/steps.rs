@@ -51,9 +51,7 @@ impl Engine {
     pub(super) fn begin(&mut self, now: Instant, demand: Demand, origin: Origin, beginning: Beginning) {
         let life = match beginning {
             Beginning::FromStandby => Life::ordered(),
-            Beginning::Found { starting: Some((stage, _)), .. } => Life::found_starting(stage),
-            Beginning::Found { confirmed: true, .. } => Life::found_running(),
-            Beginning::Found { confirmed: false, .. } => Life::found_burning(now),
+            Beginning::Found { life, .. } => life,
             Beginning::Reset(record) => Life::resumed(now, record.unconfirmed, record.after_gap),
         };
         let (limited, stage, (carried, all_carried), resumed_low) = match beginning {
@@ -87,7 +85,7 @@ impl Engine {
         };
         let started = beginning == Beginning::FromStandby;
         let started_before = match beginning {
-            Beginning::Found { starting: Some((_, before)), .. } => before,
+            Beginning::Found { started_before, .. } => started_before,
             _ => Duration::from_ticks(0),
         };
         self.mode = Mode::Run(Run {

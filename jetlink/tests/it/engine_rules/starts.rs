@@ -69,6 +69,32 @@ fn amt_14_after_a_brown_out_in_a_start_the_throttle_does_not_rise() {
     }
 }
 
+/// The same with nothing in memory: the engine may run, and be reported in idle calibration, but it may as well be in a start. It is sent
+/// the throttle that its ECU reports, and no more before that reports running. The control: then it rises to what is commanded.
+#[test]
+fn amt_14_without_memory_the_throttle_does_not_rise_before_the_ecu_reports_running() {
+    for state in [amt_frames::STARTED_UP, amt_frames::IDLE_CALIBRATION, 0b11110] {
+        for throttle in [0, 500] {
+            let mut scenario = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), None);
+            scenario.values.half_percents = (throttle / 5) as u8;
+            scenario.bench.frames();
+            let mut frame = scenario.ecu.frame(Reports::Running, scenario.values);
+            let running = frame.clone();
+            frame[1] = state << 3 | amt_frames::RUN;
+            for (frame, expected) in [(frame, throttle), (running, 1000)] {
+                for _ in 0..100 {
+                    let _ = scenario.command(run(100));
+                    receive(&mut scenario, &frame);
+                }
+                let sent = runs_in(&scenario.sent());
+                assert_eq!(sent.iter().max(), Some(&expected), "{state:#07b}: {sent:?}");
+                assert_eq!(sent.iter().min(), Some(&throttle), "{state:#07b}: {sent:?}");
+                assert!(sent.len() > 90, "answered: {}", sent.len());
+            }
+        }
+    }
+}
+
 /// "No engine starts by itself": a node that begins with nothing in memory, no source that has ever commanded, and an AMT
 /// engine in start clearance whose shaft turns at 15 000 rpm, because it coasts, windmills or is cooled.
 #[test]
