@@ -67,6 +67,8 @@ pub(super) struct Shaper {
     governor: Option<Governor>,
     /// Last throttle of the governor.
     governed: Option<Throttle>,
+    /// The governor has not controlled since a doubt.
+    doubted: bool,
     /// Limits the rise to the configured rate until the commanded demand is reached: after a start, a take-over, a gap.
     rising: bool,
     /// The demand was reduced because another engine failed.
@@ -85,6 +87,7 @@ impl Shaper {
             moving: Moving::new(now, demand),
             governor: None,
             governed: None,
+            doubted: false,
             rising: true,
             was_reduced: false,
             idle_rpm: None,
@@ -219,6 +222,7 @@ impl Shaper {
         let demand = self.moving.demand();
         let (Demand::Rpm(rpm), true, Some(settings)) = (demand, shape.governed, config.governor) else {
             self.governor = None;
+            self.doubted &= !shape.living;
             return (demand, next);
         };
         if !shape.running {
@@ -228,6 +232,7 @@ impl Shaper {
         if !shape.living {
             // In doubt the governor neither controls nor winds up, and holds no throttle on old telemetry.
             self.governor = None;
+            self.doubted = true;
             let old_at = shape.rpm.map(|rpm| rpm.at + settings.max_age).filter(|at| *at > now);
             if old_at.is_none() {
                 self.governed = None;
@@ -236,9 +241,12 @@ impl Shaper {
             let held = self.governed.or(shape.throttle).unwrap_or(Throttle::IDLE);
             return (Demand::Throttle(held), earlier(next, old_at));
         }
-        let governor = self
-            .governor
-            .get_or_insert_with(|| Governor::new(settings, shape.throttle.unwrap_or(Throttle::IDLE)));
+        // What is in force is what was sent. Behind a doubt, as without a throttle, the ECU knows best.
+        let from = match shape.sent {
+            Demand::Throttle(sent) if !core::mem::take(&mut self.doubted) => sent,
+            _ => shape.throttle.unwrap_or(Throttle::IDLE),
+        };
+        let governor = self.governor.get_or_insert_with(|| Governor::new(now, settings, from));
         let (throttle, look_again) = governor.throttle(now, rpm, shape.rpm);
         self.governed = Some(throttle);
         (Demand::Throttle(throttle), earlier(next, Some(look_again).filter(|at| *at > now)))

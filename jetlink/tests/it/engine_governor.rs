@@ -7,7 +7,7 @@ use jetlink::config::EngineConfig;
 use jetlink::engine::config::Governor;
 use jetlink::event::LossStage;
 use jetlink::limit::{Action, Limit};
-use jetlink::line::Line;
+use jetlink::line::{Line, LineError};
 use jetlink::units::{Celsius, Throttle};
 
 use crate::support::scenario::{
@@ -97,6 +97,42 @@ fn the_governor_takes_over_without_a_bump() {
     assert!(sent.iter().all(|wire| matches!(wire, Wire::Run(590..=610))), "{sent:?}");
     scenario.fly_us(run(60), Origin::Rc, SECOND);
     assert!(scenario.sent().iter().all(|wire| matches!(wire, Wire::Run(590..=610))));
+}
+
+/// The throttle in force is the one that was sent last, not the one that the ECU has last reported: a ZK ECU does so once in 0.9 s.
+#[test]
+fn the_governor_takes_over_from_the_throttle_that_was_sent() {
+    let mut scenario = at(governed(|_| {}), 60, 80_000);
+    scenario.fly_us(run(20), Origin::Rc, SECOND);
+    scenario.sent();
+    scenario.fly_us(target(80_000), Origin::Rc, SECOND);
+    let sent = scenario.sent();
+    assert!(sent.iter().all(|wire| matches!(wire, Wire::Run(200..=210))), "{sent:?}");
+}
+
+/// Where a line error has cost it some speeds, it does not make up for them in one step. The control: it rises.
+#[test]
+fn the_governor_rises_at_its_rate_from_frame_to_frame_where_speeds_are_missing() {
+    let mut scenario = at(governed(|g| g.slew = 300), 30, 60_000);
+    scenario.fly_us(target(60_000), Origin::Rc, SECOND);
+    let frame = scenario.ecu.frame(Reports::Running, scenario.values);
+    scenario.silent().sent();
+    let mut sent = Vec::new();
+    for n in 0..50 {
+        let _ = scenario.command(target(70_000));
+        scenario.pass_us(FRAME_PERIOD_US);
+        if n % 8 != 0 {
+            scenario.bench.machine.line_error(LineError::Framing);
+        }
+        scenario.bench.receive(&frame);
+        sent.extend(scenario.sent());
+    }
+    let tenths: Vec<u16> =
+        sent.iter().map(|wire| if let Wire::Run(tenths) = wire { *tenths } else { 0 }).collect();
+    // 30 % a second, in the steps of 0.5 % that AMT has.
+    let most = tenths.windows(2).map(|pair| pair[1].saturating_sub(pair[0])).max();
+    assert!(most.is_some_and(|most| (10..=20).contains(&most)), "{tenths:?}");
+    assert!(tenths.last() > Some(&500), "{tenths:?}");
 }
 
 /// Its output rises no faster than its slew and no higher than its authority, and comes back from there at once.
