@@ -129,7 +129,9 @@ impl Case<'_> {
         let streams = last.run.is_some_and(|run| at <= run + 100 * MS);
         let by_another = || self.others(at, SECOND, |command| matches!(command, PilotCommand::Run(_)));
         let standby = || {
-            let wire = self.switches(at.saturating_sub(self.lately()), at);
+            // What was sent before a reset is in force no more.
+            let ups = self.h.resets.iter().map(|reset| reset.up).filter(|up| *up <= at);
+            let wire = self.switches(at.saturating_sub(self.lately()).max(ups.max().unwrap_or(0)), at);
             matches!(wire, Wire::All(Switch::Standby | Switch::Stop))
         };
         !streams && standby() && !by_another()

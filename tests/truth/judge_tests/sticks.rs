@@ -196,6 +196,23 @@ fn a_start_is_a_move_of_the_switch_with_the_stick_at_idle() {
     let standby = (0.345, 4.08, PilotCommand::Standby);
     is_silent(found(&[standby, (4.08, 40.0, PilotCommand::Standby)]).with(|h| h.frames.clear()));
     speaks(found(&[standby, (4.08, 40.0, run(0))]), "the switch was found at run");
+    // Since a reset nothing was sent: no order is in force, and run asks for an engine that may be running. Standby sent since makes it
+    // a start.
+    let behind_reset = |sent: &'static [Sent]| {
+        let frames = [(6.345, 8.0, run(0))];
+        found(&[standby, (4.08, 6.0, PilotCommand::Standby), frames[0]]).with(move |h| {
+            h.resets.push(Reset { down: micros(5.97), up: micros(6.0), cause: Cause::PowerOn });
+            h.frames.retain(|frame| frame.at < micros(5.97));
+            h.frames.iter_mut().for_each(|frame| frame.sent = STANDBY);
+            h.frames.extend(sent.iter().map(|sent| Frame { at: micros(6.3), arrived: true, sent: *sent }));
+            if let Some(radio) = &mut h.radio {
+                radio.frames.retain(|(at, _)| *at < micros(8.0));
+            }
+            h.rules.period = 200 * MS;
+        })
+    };
+    is_silent(behind_reset(&[]));
+    speaks(behind_reset(&[STANDBY]), "the switch was found at run");
     // The stick came to idle just before.
     let idle = |at: f64| {
         flown(40.0).sends(2.5, good(Position::Standby, 300)).sends(at, STANDBY_AT_IDLE).commands(&FLIGHT)
