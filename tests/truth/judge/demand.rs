@@ -159,8 +159,9 @@ impl Case<'_> {
                 let risen = |rate: u32| f64::from(rate) * time as f64 / SECOND as f64 + STEP;
                 let slow = rules.slew_up.is_some_and(|slew| share > low + risen(slew));
                 let slow = slow && !self.holds_rpm(when) && !self.holds_rpm(at);
-                // A governor has a rate of its own.
-                let governed = self.governed(when) && self.governed(at);
+                // A governor has a rate of its own. An rpm on the wire is one that the ECU holds by itself.
+                let by_throttle = matches!(demanded, Demanded::Throttle(_));
+                let governed = by_throttle && self.governed(when) && self.governed(at);
                 let fast = share > low + risen(rules.rise)
                     && (doubted || governed || !self.moved(when, at, low, risen(rules.rise), share));
                 if (slow || fast) && share > idle + STEP {

@@ -202,6 +202,25 @@ fn a_governors_throttle_has_no_slew() {
     story(run(300)).breaks(&[Rule::Rate]);
 }
 
+/// An ECU that holds the rpm itself needs no governor, even where one is configured: the stick moves it at once.
+#[test]
+fn a_governor_governs_no_rpm_that_the_ecu_holds() {
+    let story = |wire: fn(u32) -> Sent, [low, high]: [u32; 2], commanded: [u32; 2]| {
+        let [before, after] = commanded.map(|rpm| PilotCommand::Run(Demanded::Rpm(rpm)));
+        runs(started(ZK5), 60.0)
+            .turbine(RUNS as f64, 40.0, Phase::Running, 100_000.0, 500.0)
+            .streams(PILOT, 31.0, 50.0, before)
+            .streams(PILOT, 50.0, 60.0, after)
+            .wire(33.0, 50.1, wire(low))
+            .wire(50.1, 60.0, wire(high))
+            .with(|h| h.rules.governor = true)
+    };
+    let jumps = |story: Story| story.judged().rules().contains(&Rule::Rate);
+    assert!(!jumps(story(Sent::Rpm, [96_000, 128_000], [96_000, 128_000])));
+    assert!(jumps(story(Sent::Rpm, [96_000, 128_000], [128_000, 128_000])));
+    assert!(jumps(story(sent, [300, 600], [96_000, 128_000])));
+}
+
 #[test]
 fn behind_a_transmitter_that_hung_a_demand_may_still_rise() {
     let story = |hung: bool| {
