@@ -338,7 +338,8 @@ impl Case<'_> {
                     .iter()
                     .any(|sample| sample.lit && matches!(sample.phase, Phase::LearningIdle | Phase::Running));
                 // What was sent before the fault cleared is what the ECU acts on, a moment after it too.
-                let before = h.samples(out, sent.saturating_sub(h.rules.period + 50 * MS));
+                // It shows it a moment after the flame went out.
+                let before = h.samples(out + 60 * MS, sent.saturating_sub(h.rules.period + 50 * MS));
                 self.is_amt()
                     && burnt
                     && !since.is_empty()

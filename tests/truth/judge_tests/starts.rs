@@ -103,6 +103,16 @@ fn a_trip_that_clears_while_the_exhaust_is_hot_cannot_be_seen() {
             h.frames.retain(|frame| frame.at < last_run);
         })
     };
+    // It shows the fault a moment after the flame went out; what is sent to an ECU that has shown none is no such case.
+    let shows = |after: u64| {
+        story(43.5, false).with(move |h| {
+            let before =
+                h.samples.iter_mut().filter(|s| (0..after).contains(&s.at.saturating_sub(40 * SECOND)));
+            before.for_each(|sample| sample.fault = false);
+        })
+    };
+    shows(50 * MS).passes();
+    shows(200 * MS).breaks(&[Rule::Ignition]);
     cleared(micros(42.6)).passes();
     cleared(micros(43.5)).breaks(&[Rule::Ignition]);
     // Within 5 s after the demand was lowered a fall proves nothing, and after them a slow one does not.
