@@ -23,7 +23,7 @@ use crate::history::{History, Mark, SECOND};
 use case::Case;
 
 pub use case::{Rule, Verdict, seconds};
-pub use limits::failed_for_sure;
+pub use limits::{failed_for_sure, may_have_failed};
 
 /// Judges one engine.
 pub fn judge(history: &History) -> Verdict {

@@ -13,7 +13,7 @@ use crate::history::{
     Cause, Commanded, Demanded, Frame, History, Kind, MS, Mark, PilotCommand, Reset, Rules, SECOND, Sample,
     Sent, Spans, Switch,
 };
-use crate::judge::{Rule, Verdict, judge};
+use crate::judge::{Rule, Verdict, judge, may_have_failed};
 use sim::turbine::Phase;
 
 const AMT: Kind = Kind::Amt;

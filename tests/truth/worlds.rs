@@ -5,8 +5,8 @@ use crate::acts::{Act, Blow};
 use crate::context::{EngineContext, Judged, LOOK, now};
 use crate::fate::Fate;
 use crate::faults::Weather;
-use crate::history::{Cause, History, MS, Reset, SECOND, Spans};
-use crate::judge::failed_for_sure;
+use crate::history::{Cause, MS, Reset, SECOND, Spans};
+use crate::judge::{failed_for_sure, may_have_failed};
 use crate::pilots::Rng;
 use crate::radio::Receiver;
 use crate::settings::{self, Setup};
@@ -20,7 +20,6 @@ use jetlink::node::Node;
 use jetlink::runner::LineErrors;
 use jetlink_rc::starts::{Ended, FailedStarts, LIVED};
 use sim::clock;
-use sim::turbine::Phase;
 use sim::wire::{WireRx, WireTx};
 use std::future::{Future, poll_fn};
 use std::pin::{Pin, pin};
@@ -184,23 +183,6 @@ fn play<const N: usize>(
         contexts[port].judged(others(&ends), others(&sure))
     });
     World { seed, engines: engines.collect() }
-}
-
-/// When another engine may count as failed: at rest after it ran, with a fault, or not received.
-fn may_have_failed(history: &History) -> Spans {
-    let mut ran = false;
-    let mut spans = Spans::default();
-    for pair in history.samples.windows(2) {
-        // ZK counts the learning of the idle speed among the states of a running engine, and a node that begins anew counts as one that
-        // ran what it finds started up.
-        let started_up = pair[0].phase == Phase::FuelRamp && pair[0].rpm > history.rules.idle_rpm / 4.0;
-        ran |= started_up || matches!(pair[0].phase, Phase::Running | Phase::LearningIdle);
-        if ran && !pair[0].runs() || pair[0].fault {
-            spans.push(pair[0].at, pair[1].at);
-        }
-    }
-    let not_received = history.mute.union(&history.deaf).union(&history.unpowered).union(&history.noise);
-    spans.union(&not_received).longer(5 * SECOND)
 }
 
 type Tasks<'a> = Vec<Pin<Box<dyn Future<Output = ()> + 'a>>>;

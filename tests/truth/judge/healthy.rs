@@ -357,9 +357,16 @@ impl Case<'_> {
             // After a gap error sets do not say whether it is the same engine, and get no reply.
             let gap = self.blind.last_before(at).filter(|(from, to)| to - from > 2 * h.rules.period);
             let behind_gap = gap.is_some_and(|(_, to)| to < sets && faults(to));
+            // Behind a fault only a set that reports running does.
+            let fault = self.faults.last_before(at).filter(|(_, to)| *to < sets);
+            let behind_fault = fault.is_some_and(|(_, to)| {
+                h.samples(to + 1, sets).iter().all(|sample| sample.hidden)
+                    && at < to + h.rules.gives_up_after + first
+            });
             let unknown = self.is_amt()
                 && (doubted
                     || behind_gap
+                    || behind_fault
                     || power.is_some_and(|reset| faults(reset.up))
                     || brown_out.is_some_and(|reset| unreadable(reset.up)));
             // An engine that was handed over is stopped by the loss of its PWM input, which is not the node's.

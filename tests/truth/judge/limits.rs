@@ -2,7 +2,8 @@
 
 use super::case::{Case, Rule, seconds, two_states};
 use super::control::{CommandLog, silences};
-use crate::history::{Cause, Commanded, Demanded, MS, PilotCommand, SECOND, Sample, Spans, Switch};
+use crate::history::{Cause, Commanded, Demanded, History, MS, PilotCommand, SECOND, Sample, Spans, Switch};
+use sim::turbine::Phase;
 
 /// Beyond a limit by so much, for this long, an ECU has reported it twice: °C, rpm.
 const BEYOND: f64 = 12.0;
@@ -226,6 +227,31 @@ impl Case<'_> {
             }
         }
     }
+}
+
+/// When another engine may count as failed: at rest after it ran, with a fault, not received, or shut down by its node.
+pub fn may_have_failed(history: &History) -> Spans {
+    let mut ran = false;
+    let mut spans = Spans::default();
+    for pair in history.samples.windows(2) {
+        // ZK counts the learning of the idle speed among the states of a running engine, and a node that begins anew counts as one that
+        // ran what it finds started up.
+        let started_up = pair[0].phase == Phase::FuelRamp && pair[0].rpm > history.rules.idle_rpm / 4.0;
+        ran |= started_up || matches!(pair[0].phase, Phase::Running | Phase::LearningIdle);
+        if ran && !pair[0].runs() || pair[0].fault {
+            spans.push(pair[0].at, pair[1].at);
+        }
+    }
+    // Its node decides a slot before its standby begins.
+    let run = |switch| switch == Switch::Run;
+    let switches: Vec<(u64, Switch)> =
+        history.frames.iter().filter_map(|frame| Some((frame.at, frame.sent.switch()?))).collect();
+    let ends = switches.windows(2).filter(|pair| run(pair[0].1) && !run(pair[1].1));
+    let shut_down: Vec<(u64, u64)> =
+        ends.map(|pair| (pair[1].0.saturating_sub(history.rules.period + 20 * MS), pair[1].0)).collect();
+    let spans = spans.union(&Spans::from(&shut_down));
+    let not_received = history.mute.union(&history.deaf).union(&history.unpowered).union(&history.noise);
+    spans.union(&not_received).longer(5 * SECOND)
 }
 
 /// When another engine has failed for sure: it ran, nobody commanded it to stop, and it went out.

@@ -273,6 +273,19 @@ fn an_ecu_does_not_put_out_an_engine_for_want_of_commands() {
     story(AMT).with(faults).with(early(Cause::Watchdog)).with(noise).passes();
     story(AMT).with(early(Cause::Watchdog)).with(noise).breaks(&[Rule::GivenUp]);
     story(AMT).with(faults).breaks(&[Rule::GivenUp]);
+    // Behind a fault only a set that reports running gets a reply; in flight any state does.
+    let hides = |fault: bool, from: u64| {
+        story(AMT).with(move |h| {
+            h.frames.retain(|frame| frame.at < micros(37.9) || frame.sent == STANDBY);
+            for sample in h.samples.iter_mut().filter(|sample| sample.at < 40 * SECOND) {
+                sample.fault = fault && (36 * SECOND..37_900 * MS).contains(&sample.at);
+                sample.hidden = sample.at >= from * MS;
+            }
+        })
+    };
+    hides(true, 37_900).passes();
+    hides(true, 39_000).breaks(&[Rule::GivenUp]);
+    hides(false, 37_900).breaks(&[Rule::GivenUp]);
     story(AMT).with(early(Cause::Watchdog)).breaks(&[Rule::GivenUp]);
 }
 
@@ -412,6 +425,17 @@ fn a_demand_is_reduced_while_another_engine_has_failed() {
     };
     story(250).passes();
     story(500).breaks(&[Rule::Reduction]);
+}
+
+/// It has as soon as its node shuts it down by itself, before its turbine is out.
+#[test]
+fn an_engine_may_have_failed_from_its_standby_on() {
+    let story =
+        |sent| flight(ZK5, 40.0).wire(40.0, 41.0, sent).turbine(40.0, 40.1, Phase::Running, 100_000.0, 500.0);
+    let failed = |sent, seconds: f64| may_have_failed(&story(sent).0).contains(micros(seconds));
+    assert!(failed(STANDBY, 40.0));
+    assert!(!failed(STANDBY, 39.8));
+    assert!(!failed(HALF, 40.0));
 }
 
 /// The stick moves just before another engine's failure ends: what was commanded then goes out reduced at once, and from there it rises.
