@@ -157,11 +157,11 @@ impl Case<'_> {
                 let doubted = self.doubted(when, at);
                 let time = if doubted { time.min(2 * rules.period + 150 * MS) } else { time };
                 let risen = |rate: u32| f64::from(rate) * time as f64 / SECOND as f64 + STEP;
+                // A governor has a rate of its own. What it sends is a throttle: a speed on the wire is held by the ECU.
+                let throttle = matches!(demanded, Demanded::Throttle(_));
                 let slow = rules.slew_up.is_some_and(|slew| share > low + risen(slew));
-                let slow = slow && !self.holds_rpm(when) && !self.holds_rpm(at);
-                // A governor has a rate of its own. An rpm on the wire is one that the ECU holds by itself.
-                let by_throttle = matches!(demanded, Demanded::Throttle(_));
-                let governed = by_throttle && self.governed(when) && self.governed(at);
+                let slow = slow && !(throttle && (self.holds_rpm(when) || self.holds_rpm(at)));
+                let governed = throttle && self.governed(when) && self.governed(at);
                 let fast = share > low + risen(rules.rise)
                     && (doubted || governed || !self.moved(when, at, low, risen(rules.rise), share));
                 if (slow || fast) && share > idle + STEP {

@@ -202,23 +202,32 @@ fn a_governors_throttle_has_no_slew() {
     story(run(300)).breaks(&[Rule::Rate]);
 }
 
-/// An ECU that holds the rpm itself needs no governor, even where one is configured: the stick moves it at once.
+/// Another ECU was plugged in, which holds a speed itself: the governor that is configured for the first one has no part in it.
 #[test]
-fn a_governor_governs_no_rpm_that_the_ecu_holds() {
-    let story = |wire: fn(u32) -> Sent, [low, high]: [u32; 2], commanded: [u32; 2]| {
-        let [before, after] = commanded.map(|rpm| PilotCommand::Run(Demanded::Rpm(rpm)));
+fn a_speed_that_the_ecu_holds_is_no_governors() {
+    let rpm = |rpm| PilotCommand::Run(Demanded::Rpm(rpm));
+    let story = |moves: f64| {
         runs(started(ZK5), 60.0)
             .turbine(RUNS as f64, 40.0, Phase::Running, 100_000.0, 500.0)
-            .streams(PILOT, 31.0, 50.0, before)
-            .streams(PILOT, 50.0, 60.0, after)
-            .wire(33.0, 50.1, wire(low))
-            .wire(50.1, 60.0, wire(high))
+            .streams(PILOT, 31.0, moves, rpm(60_000))
+            .streams(PILOT, moves, 60.0, rpm(120_000))
+            .wire(31.0, 50.0, Sent::Rpm(60_000))
+            .wire(50.0, 60.0, Sent::Rpm(120_000))
             .with(|h| h.rules.governor = true)
     };
-    let jumps = |story: Story| story.judged().rules().contains(&Rule::Rate);
-    assert!(!jumps(story(Sent::Rpm, [96_000, 128_000], [96_000, 128_000])));
-    assert!(jumps(story(Sent::Rpm, [96_000, 128_000], [128_000, 128_000])));
-    assert!(jumps(story(sent, [300, 600], [96_000, 128_000])));
+    // The stick moves, and the demand with it; without the stick it does not.
+    story(50.0).passes();
+    story(48.0).breaks_beside(&[Rule::HeldDown], &[Rule::Rate]);
+    story(50.0).with(|h| h.rules.slew_up = Some(100)).breaks(&[Rule::Rate]);
+    // A governor's throttle does not jump with the stick.
+    runs(started(AMT), 60.0)
+        .turbine(RUNS as f64, 40.0, Phase::Running, 100_000.0, 500.0)
+        .streams(PILOT, 31.0, 50.0, rpm(60_000))
+        .streams(PILOT, 50.0, 60.0, rpm(120_000))
+        .wire(31.0, 50.0, IDLE)
+        .wire(50.0, 60.0, HALF)
+        .with(|h| h.rules.governor = true)
+        .breaks(&[Rule::Rate]);
 }
 
 #[test]
