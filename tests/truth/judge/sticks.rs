@@ -233,8 +233,13 @@ impl Case<'_> {
                 if !steady || sight.was_handed_over {
                     return None;
                 }
+                // A higher source has just released it, and no frame has been sent since.
+                let just = self.h.commanded(at.saturating_sub(self.lately()), at).iter();
+                let released =
+                    just.clone().any(|each| each.source < RC && each.command == PilotCommand::Release);
                 if wire == Wire::All(Switch::Stop)
                     && !since(last.release)
+                    && !released
                     && !has(PilotCommand::Release)
                     && self.switches(at.saturating_sub(SECOND), at) == wire
                 {

@@ -269,7 +269,20 @@ fn stop_is_released_and_the_engine_armed_by_a_steady_move_to_standby() {
     speaks(up(&FLIGHT), "not steady");
     // Neither released nor armed, although all is steady.
     let latched = but(2.03, 31.02, &[(2.03, 4.01, PilotCommand::Nothing)]);
-    speaks(flown(40.0).commands(&latched).with(stopped_until(30.0)), "a stop is to be released");
+    let latched = || flown(40.0).commands(&latched);
+    speaks(latched().with(stopped_until(30.0)), "a stop is to be released");
+    // A higher source has just released it, and the frame that shows that is yet to come; a lower one does not, nor does a release
+    // without an effect.
+    let finds_it = |by: usize, until: f64| {
+        let standby = but(2.03, 31.02, &[(2.03, 4.01, PilotCommand::Standby)]);
+        let story = flown(40.0).commands(&standby).with(stopped_until(until)).with(|h| {
+            h.commanded.push(Commanded { at: micros(2.04), source: by, command: PilotCommand::Release });
+        });
+        findings(story).iter().any(|text| text.contains("a stop is to be released"))
+    };
+    assert!(!finds_it(0, 2.2));
+    assert!(finds_it(3, 2.2));
+    assert!(finds_it(0, 30.0));
     let unarmed = but(2.1, 4.01, &[(2.1, 4.01, PilotCommand::Standby)]);
     speaks(flown(40.0).commands(&unarmed), "the engine is to be armed");
     // A standby that is found.
