@@ -1,12 +1,15 @@
 //! Fuel into an engine at rest.
 
 use super::case::{Case, Rule, seconds};
-use crate::history::{MS, PilotCommand, SECOND, Sent, Spans};
+use crate::history::{Frame, MS, PilotCommand, SECOND, Sent, Spans};
 use sim::turbine::Phase;
 
 /// Services that move fuel or heat: drain, glow plug, valves, pump, pump held open. The starter does neither.
 const MOVES: [u8; 6] = [1, 2, 3, 4, 5, 12];
 const OPEN_PUMP: u8 = 12;
+const CLOSE_PUMP: u8 = 13;
+/// Frames with which a pump is closed.
+const CLOSING: usize = 10;
 
 impl Case<'_> {
     pub(super) fn fuel(&mut self) {
@@ -93,6 +96,15 @@ impl Case<'_> {
         self.blind.iter().any(|(from, to)| at > from + self.gap() + 2 * period && at < to)
     }
 
+    /// When the tenth of the frames that close the pump from an end on was sent, if none of them came to the ECU.
+    fn lost_closing(&self, from: u64, to: u64) -> Option<u64> {
+        let closing = self.h.frames_within(from, to).iter();
+        let closing: Vec<&Frame> =
+            closing.filter(|frame| frame.sent == Sent::Action(CLOSE_PUMP)).take(CLOSING).collect();
+        let lost = closing.len() == CLOSING && closing.iter().all(|frame| !frame.arrived);
+        closing.last().filter(|_| lost).map(|frame| frame.at + 1)
+    }
+
     /// A pump that was opened is closed at its end, at any stop and disarm, and when its source falls silent.
     fn pump(&mut self) {
         let h = self.h;
@@ -135,6 +147,14 @@ impl Case<'_> {
                 received = commanded.at;
             }
             ends = ends.min(received + self.command_log.age(command.source) + h.rules.hold + SECOND);
+            // Ten frames that were all lost close nothing; the next disarm, stop or reset sends ten more.
+            while let Some(last) = self.lost_closing(ends, to) {
+                let again = h.commanded(last, to).iter().filter(|commanded| {
+                    matches!(commanded.command, PilotCommand::Stop | PilotCommand::Disarm)
+                });
+                let reset = h.resets.iter().map(|reset| reset.up).filter(|up| *up > last);
+                ends = again.map(|commanded| commanded.at).chain(reset).min().unwrap_or(u64::MAX);
+            }
             // A test in between has its own bound, in the ECU.
             let tests =
                 h.frames.iter().filter(|frame| matches!(frame.sent, Sent::Action(1..=5)) && frame.arrived);
@@ -143,7 +163,7 @@ impl Case<'_> {
             // Ten frames in every second slot, and what does not get through.
             let late = 1500 * MS + 20 * h.rules.period;
             let clear = Spans::from(&[(ends, to)]);
-            if to > ends + late && clear.total() - clear.common(&hidden) > late {
+            if to > ends.saturating_add(late) && clear.total() - clear.common(&hidden) > late {
                 let text = format!("the pump, opened at {}, is open until {}", seconds(open), seconds(to));
                 self.verdict.finding(Rule::Pump, ends + late, text);
                 return;
