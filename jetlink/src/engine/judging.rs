@@ -60,7 +60,8 @@ impl Engine {
             Mode::Run(run) => run.lowered.fall_expected(now).as_ticks() > 0,
             _ => false,
         };
-        self.exhaust.observe(now, egt, lowered);
+        let reported = matches!(sign, Sign::State { stage: Stage::Running, turning: Some(true), .. });
+        self.exhaust.observe(now, egt, lowered, reported);
     }
 
     /// Acts on the result of a search for a running engine.

@@ -150,6 +150,32 @@ fn amt_8_lower_demands_do_not_excuse_a_cold_exhaust_for_ever() {
     }
 }
 
+/// While the ECU reports a running engine, lower demands use up nothing of these 15 s: a fault behind a long way down with a slow slew
+/// finds all of it. The control: error sets all the time.
+#[test]
+fn amt_8_what_excuses_a_fall_is_not_used_up_before_the_error_sets() {
+    for (fault, over) in [(0, false), (1, true)] {
+        let mut scenario = with_faults(2 * SECOND, fault, run(50), |_| 700);
+        let mut demand = 50;
+        for step in 0..24 * SECOND / FRAME_PERIOD_US {
+            // 3 % less every 2 s.
+            demand -= if step % 40 == 39 { 3 } else { 0 };
+            let _ = scenario.command(run(demand));
+            scenario.pass_us(FRAME_PERIOD_US);
+        }
+        assert_eq!(ends(&mut scenario), [], "{fault}: hot all the time");
+        let begin = scenario.now_us();
+        scenario.values.fault = 1;
+        while scenario.now_us() < begin + 4_500_000 {
+            scenario.values.egt_celsius = 700 - ((scenario.now_us() - begin) / 50_000) as i32;
+            let _ = scenario.command(run(0));
+            scenario.pass_us(FRAME_PERIOD_US);
+        }
+        let expected = if over { vec![End::NotBurning] } else { vec![] };
+        assert_eq!(ends(&mut scenario), expected, "{fault}");
+    }
+}
+
 /// Where the exhaust is not known the order continues under the stages of loss, and ends in standby when they have run out, to
 /// the tick. Where it burns it continues at the fail-safe throttle.
 #[test]
