@@ -5,12 +5,10 @@
 //! to idle.
 
 use super::config::Governor as Config;
+use super::ramp::{Ramp, Rates};
 use crate::report::Timed;
 use crate::units::{Rpm, Throttle};
 use embassy_time::{Duration, Instant};
-
-/// Interval between two updates of an output that rises.
-const STEP: Duration = Duration::from_millis(20);
 
 /// Resolution of the integral: parts of 0.1 %.
 const PARTS: i64 = 1_000_000;
@@ -24,58 +22,49 @@ pub(super) struct Governor {
     config: Config,
     /// In parts of 0.1 %.
     integral: i64,
-    /// In parts of 0.1 %: now, and where it moves to.
-    output: i64,
-    target: i64,
-    at: Instant,
+    /// Throttle for the last shaft speed, in 0.1 %.
+    wanted: u32,
+    /// Throttle that moves there, in 0.1 %: speeds that come seldom make no large steps.
+    output: Ramp,
     seen: Option<Timed<Rpm>>,
 }
 
 impl Governor {
     /// Begins at the throttle in force.
     pub const fn new(now: Instant, config: Config, throttle: Throttle) -> Self {
-        let parts = throttle.tenths() as i64 * PARTS;
-        Self { config, integral: parts, output: parts, target: parts, at: now, seen: None }
+        let tenths = throttle.tenths();
+        Self {
+            config,
+            integral: tenths as i64 * PARTS,
+            wanted: tenths as u32,
+            output: Ramp::new(tenths as u32, now),
+            seen: None,
+        }
     }
 
     /// The throttle for a target, and the time of its next step, or at which the telemetry is too old.
     pub fn throttle(&mut self, now: Instant, target: Rpm, rpm: Option<Timed<Rpm>>) -> (Throttle, Instant) {
-        match rpm.filter(|rpm| now < rpm.at + self.config.max_age) {
-            None => {
-                // Never hold a throttle without a speed.
-                (self.output, self.target, self.at) = (0, 0, now);
-                self.integral = 0;
-                self.seen = None;
-                (Throttle::IDLE, now + self.config.max_age)
-            }
-            Some(rpm) => {
-                self.advance(now);
-                if self.seen.map(|seen| seen.at) != Some(rpm.at) {
-                    // Not more than 0.5 s: a gap must not become one big step.
-                    let elapsed = self
-                        .seen
-                        .map_or(Duration::from_ticks(0), |seen| rpm.at.saturating_duration_since(seen.at));
-                    let elapsed = elapsed.min(Duration::from_millis(500));
-                    let fall = self.seen.map_or(0, |seen| seen.value.get().saturating_sub(rpm.value.get()));
-                    let falls = u64::from(fall) * 1_000_000 > u64::from(FALLING) * elapsed.as_micros();
-                    self.seen = Some(rpm);
-                    self.step(target, rpm.value, elapsed, falls && elapsed.as_ticks() > 0);
-                    self.advance(now);
-                }
-                let tenths = u16::try_from(self.output / PARTS).unwrap_or(0);
-                let throttle = Throttle::from_tenths(tenths).unwrap_or(Throttle::IDLE);
-                let old_at = rpm.at + self.config.max_age;
-                (throttle, if self.output < self.target { old_at.min(now + STEP) } else { old_at })
-            }
+        let Some(rpm) = rpm.filter(|rpm| now < rpm.at + self.config.max_age) else {
+            // Never hold a throttle without a speed.
+            *self = Self::new(now, self.config, Throttle::IDLE);
+            return (Throttle::IDLE, now + self.config.max_age);
+        };
+        if self.seen.map(|seen| seen.at) != Some(rpm.at) {
+            // Not more than 0.5 s: a gap must not become one big step.
+            let elapsed =
+                self.seen.map_or(Duration::from_ticks(0), |seen| rpm.at.saturating_duration_since(seen.at));
+            let elapsed = elapsed.min(Duration::from_millis(500));
+            let fall = self.seen.map_or(0, |seen| seen.value.get().saturating_sub(rpm.value.get()));
+            let falls = u64::from(fall) * 1_000_000 > u64::from(FALLING) * elapsed.as_micros();
+            self.seen = Some(rpm);
+            self.step(target, rpm.value, elapsed, falls && elapsed.as_ticks() > 0);
         }
-    }
-
-    /// Moves the output up to now.
-    fn advance(&mut self, now: Instant) {
-        let elapsed = now.saturating_duration_since(self.at).as_micros();
-        self.at = self.at.max(now);
-        let rise = u64::from(self.config.slew).saturating_mul(elapsed);
-        self.output = self.output.saturating_add(i64::try_from(rise).unwrap_or(i64::MAX)).min(self.target);
+        let rates = Rates { up: Some(self.config.slew.into()), down: None };
+        let next = self.output.follow(now, self.wanted, rates);
+        let tenths = u16::try_from(self.output.value()).unwrap_or(0);
+        let old_at = rpm.at + self.config.max_age;
+        let throttle = Throttle::from_tenths(tenths).unwrap_or(Throttle::IDLE);
+        (throttle, next.map_or(old_at, |next| next.min(old_at)))
     }
 
     fn step(&mut self, target: Rpm, rpm: Rpm, elapsed: Duration, falls: bool) {
@@ -87,13 +76,15 @@ impl Governor {
         let highest = i64::from(self.config.authority.tenths()) * PARTS;
         // A shaft that falls although the throttle was not lowered has no flame: more fuel would only flood it.
         let rise = if falls { 0 } else { i64::from(self.config.slew) * micros };
-        let risen = self.output + rise;
+        // Not more than it rises until the next speed: without one it stays there.
+        let limit = highest.min(i64::from(self.output.value()) * PARTS + rise);
         let wanted = self.integral + step + proportional;
-        let limit = highest.min(risen);
         // Anti-windup: no further into a limit.
         if !(wanted > limit && step > 0 || wanted < 0 && step < 0) {
             self.integral = (self.integral + step).clamp(0, highest);
         }
-        self.target = (self.integral + proportional).clamp(0, limit.max(0));
+        let wanted = (self.integral + proportional).clamp(0, limit.max(0));
+        // Rounded up: a slow rise would otherwise end at each speed.
+        self.wanted = u32::try_from((wanted + PARTS - 1) / PARTS).unwrap_or(0);
     }
 }

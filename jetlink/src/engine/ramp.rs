@@ -4,6 +4,8 @@ use embassy_time::{Duration, Instant};
 
 /// Resolution between updates: parts of a unit.
 const PARTS: u64 = 1000;
+/// Interval between two updates of a value that moves.
+const STEP: Duration = Duration::from_millis(20);
 
 /// A moving value, in the units of its caller.
 #[derive(Clone, Copy, Debug)]
@@ -38,8 +40,8 @@ impl Ramp {
     }
 
     /// Moves towards the previous target until `now`, then towards `target`. Returns the time of the next update while the
-    /// target is not reached: after `step`, or at its end.
-    pub fn follow(&mut self, now: Instant, target: u32, rates: Rates, step: Duration) -> Option<Instant> {
+    /// target is not reached: after 20 ms, or at its end.
+    pub fn follow(&mut self, now: Instant, target: u32, rates: Rates) -> Option<Instant> {
         self.advance(now);
         self.target = u64::from(target) * PARTS;
         self.rates = rates;
@@ -49,7 +51,7 @@ impl Ramp {
         let rate = self.rate().filter(|_| left > 0)?;
         // Units a second are parts a millisecond.
         let end = Duration::from_micros((left * 1000).div_ceil(u64::from(rate.max(1))));
-        Some(now + end.min(step))
+        Some(now + end.min(STEP))
     }
 
     fn advance(&mut self, now: Instant) {
@@ -69,8 +71,6 @@ impl Ramp {
 mod tests {
     use super::*;
 
-    const STEP: Duration = Duration::from_millis(20);
-
     fn ms(ms: u64) -> Instant {
         Instant::from_millis(ms)
     }
@@ -80,7 +80,7 @@ mod tests {
         let mut ramp = Ramp::new(800, ms(0));
         let rates = Rates { up: None, down: Some(500) };
         let mut now = ms(0);
-        while let Some(next) = ramp.follow(now, 0, rates, STEP) {
+        while let Some(next) = ramp.follow(now, 0, rates) {
             assert!(next > now && next <= now + STEP);
             now = next;
         }
@@ -93,7 +93,7 @@ mod tests {
         let mut ramp = Ramp::new(0, ms(0));
         let rates = Rates { up: Some(10), down: None };
         for at in 0..=10_000 {
-            ramp.follow(ms(at), 1000, rates, STEP);
+            ramp.follow(ms(at), 1000, rates);
         }
         assert_eq!(ramp.value(), 100);
     }
@@ -101,16 +101,16 @@ mod tests {
     #[test]
     fn time_at_rest_does_not_count() {
         let mut ramp = Ramp::new(800, ms(0));
-        ramp.follow(ms(5000), 0, Rates { up: None, down: Some(500) }, STEP);
+        ramp.follow(ms(5000), 0, Rates { up: None, down: Some(500) });
         assert_eq!(ramp.value(), 800);
-        ramp.follow(ms(5100), 0, Rates { up: None, down: Some(500) }, STEP);
+        ramp.follow(ms(5100), 0, Rates { up: None, down: Some(500) });
         assert_eq!(ramp.value(), 750);
     }
 
     #[test]
     fn without_a_rate_it_jumps() {
         let mut ramp = Ramp::new(0, ms(0));
-        assert_eq!(ramp.follow(ms(1), 700, Rates::AT_ONCE, STEP), None);
+        assert_eq!(ramp.follow(ms(1), 700, Rates::AT_ONCE), None);
         assert_eq!(ramp.value(), 700);
     }
 }

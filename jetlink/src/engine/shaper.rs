@@ -10,8 +10,6 @@ use crate::report::Timed;
 use crate::units::{Rpm, Throttle};
 use embassy_time::{Duration, Instant};
 
-/// Interval between two updates of a moving demand.
-const STEP: Duration = Duration::from_millis(20);
 /// Maximum rpm, for rates in %, of an engine whose ECU does not report its own.
 const NOMINAL_MAX_RPM: u32 = 100_000;
 
@@ -319,11 +317,11 @@ impl Moving {
     ) -> Option<Instant> {
         match (&mut *self, target) {
             (Self::Throttle(ramp), Demand::Throttle(throttle)) => {
-                ramp.follow(now, throttle.tenths().into(), rates, STEP)
+                ramp.follow(now, throttle.tenths().into(), rates)
             }
             (Self::Rpm(ramp), Demand::Rpm(rpm)) => {
                 let share = |rate: Option<u32>| rate.map(|rate| rate.saturating_mul(full / 1000));
-                ramp.follow(now, rpm.get(), Rates { up: share(rates.up), down: share(rates.down) }, STEP)
+                ramp.follow(now, rpm.get(), Rates { up: share(rates.up), down: share(rates.down) })
             }
             // The two kinds of demand do not compare. With a slew the new one rises from what the ECU has, and never begins
             // above the commanded one: the demand that was sent if that is of this kind, otherwise the ECU's reported value.

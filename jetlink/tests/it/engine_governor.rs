@@ -10,6 +10,7 @@ use jetlink::limit::{Action, Limit};
 use jetlink::line::{Line, LineError};
 use jetlink::units::{Celsius, Throttle};
 
+use crate::support::frames::amt as amt_frames;
 use crate::support::scenario::{
     Ecu, FRAME_PERIOD_US, Reports, SECOND, Scenario, Values, Wire, percent, rpm, run,
 };
@@ -154,6 +155,42 @@ fn the_governor_is_limited_in_slew_and_authority() {
     scenario.values.rpm = Some(104_000);
     scenario.fly_us(target(100_000), Origin::Rc, 300_000);
     assert!(scenario.tenths() < 690, "{}", scenario.tenths());
+}
+
+/// A rise of less than 0.1 % from speed to speed is one, too.
+#[test]
+fn a_governor_rises_slowly_where_its_slew_is_slow() {
+    let mut scenario = at(governed(|g| g.slew = 5), 30, 40_000);
+    scenario.fly_us(target(100_000), Origin::Rc, 10 * SECOND);
+    assert!((345..=351).contains(&scenario.tenths()), "0.5 % a second for 10 s: {}", scenario.tenths());
+}
+
+/// Speeds that are missing for 0.4 s make no large step of the rise: from one frame to the next it is limited by the slew.
+#[test]
+fn the_governors_throttle_does_not_jump_behind_missing_speeds() {
+    let mut scenario = at(governed(|_| {}), 30, 50_000);
+    scenario.fly_us(target(50_000), Origin::Rc, 2 * SECOND);
+    scenario.sent();
+    // Sets without a speed, and a higher demand meanwhile.
+    scenario.silent();
+    for _ in 0..8 {
+        scenario.command(target(80_000)).expect("the speed is not too old");
+        scenario.pass_us(FRAME_PERIOD_US);
+        scenario.bench.receive(&amt_frames::alternate(3));
+    }
+    scenario.reports = Some(Reports::Running);
+    scenario.fly_us(target(80_000), Origin::Rc, SECOND);
+    let sent: Vec<u16> = scenario
+        .sent()
+        .into_iter()
+        .map(|wire| match wire {
+            Wire::Run(tenths) => tenths,
+            other => panic!("{other:?}"),
+        })
+        .collect();
+    // 30 % a second, and sets 50 ms apart; AMT has steps of 0.5 %.
+    assert!(sent.windows(2).all(|pair| pair[1] <= pair[0] + 20), "{sent:?}");
+    assert!(sent[0] <= 310 && sent.last() >= Some(&500), "it rises: {sent:?}");
 }
 
 /// Old telemetry is not taken: the throttle goes to idle, to the tick, and does not come back by itself. While faults
