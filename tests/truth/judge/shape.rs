@@ -13,6 +13,8 @@ impl Case<'_> {
         let h = self.h;
         let most = f64::from(h.rules.start_throttle.max(h.rules.idle_band)) + STEP;
         let early = |phase| matches!(phase, Phase::Ignition | Phase::Preheat | Phase::FuelRamp);
+        // What hid the end of a run counts as part of it.
+        let flight = self.runs.union(&h.noise).longer(6 * SECOND);
         let mut reported = 0;
         for frame in &h.frames {
             let (at, Sent::Full(Switch::Run, tenths)) = (frame.at, frame.sent) else { continue };
@@ -25,7 +27,8 @@ impl Case<'_> {
             let again =
                 h.marks.iter().any(|(when, mark)| *mark == Mark::Relight && (lit..=at).contains(when));
             let samples = h.samples(lit, at);
-            let before = self.runs.touches(lit.saturating_sub(6 * SECOND), at);
+            let before =
+                flight.last_before(at).is_some_and(|(from, to)| to > lit && self.runs.touches(from, at));
             let forged = h.forged.iter().any(|forged| (lit..at).contains(forged));
             if at >= out
                 || again

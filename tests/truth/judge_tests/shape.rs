@@ -29,6 +29,24 @@ fn a_starting_engine_gets_the_throttle_of_a_start() {
     story(600).breaks_beside(&[], &[Rule::Rate]);
 }
 
+/// An ECU that begins again right behind a flame-out has the demand of before, also where damaged frames hid the flame-out.
+#[test]
+fn a_start_that_nobody_could_see_beginning_has_the_demand_of_before() {
+    let throttled = |noise: [u64; 2]| {
+        let story = runs(flight(ZK5, 40.0), 41.0)
+            .streams(PILOT, 40.0, 52.0, run(500))
+            .wire(40.0, 52.0, HALF)
+            .turbine(41.0, 48.5, Phase::Cooling, 30_000.0, 400.0)
+            .mark(48.5, Mark::Ignition)
+            .turbine(48.5, 52.0, Phase::FuelRamp, 20_000.0, 400.0)
+            .with(move |h| h.noise = Spans::from(&[(noise[0] * SECOND, noise[1] * SECOND)]));
+        !story.judged().rules().contains(&Rule::Rate)
+    };
+    assert!(throttled([42, 44]));
+    assert!(!throttled([41, 42]), "it was seen for 6 s");
+    assert!(!throttled([20, 22]));
+}
+
 #[test]
 fn behind_a_gap_a_demand_does_not_jump() {
     let story = |jumps: bool| {
