@@ -31,8 +31,10 @@ const RETURN: Duration = Duration::from_secs(1);
 const HOLD_RETURN: Duration = Duration::from_millis(300);
 /// The same without a gap, for all positions but stop, which counts at once.
 const HOLD: Duration = Duration::from_millis(60);
-/// Least pulse of a stop beside a stick that cannot be read, in µs: an autopilot that starts gives 881 µs on all its outputs.
+/// Least pulse of a throttle, and of a stop beside one that cannot be read, in µs: an autopilot that starts gives 881 µs on all its outputs.
 const DRIVEN: u16 = 900;
+/// Distance in µs by which a throttle below that is beyond its end point, as one that nobody drives.
+const NOT_DRIVEN: u16 = 10;
 /// Time for which stick and switch have been steady before a start, an arming or a release.
 const STEADY: Duration = Duration::from_millis(500);
 
@@ -94,6 +96,17 @@ struct Reading {
     /// `None` without a switch.
     position: Option<Position>,
     handed_over: bool,
+}
+
+/// What counts of a frame.
+#[derive(Clone, Copy, Debug)]
+struct Settling {
+    /// Position of the switch before it.
+    before: Option<Position>,
+    /// Its position counts.
+    position: bool,
+    /// All that is read counts.
+    all: bool,
 }
 
 /// Radio control of one engine.
@@ -260,11 +273,13 @@ impl<'a> Pilot<'a> {
             Err(why) => return self.unreadable(now, channels, why),
         };
         self.unreadable_stop = None;
-        let (before, settled) = self.settle(now, &reading);
-        if !settled {
+        let Settling { before, position, all } = self.settle(now, &reading);
+        if position {
+            self.note_moves(now, before, &reading);
+        }
+        if !all {
             return Outcome::Ignored(Ignored::Settling);
         }
-        self.note_moves(now, before, &reading);
         let command = match reading.position {
             Some(Position::Stop) => return self.stop(),
             _ if self.calibration.is_some() => Command::Present,
@@ -321,7 +336,8 @@ impl<'a> Pilot<'a> {
         // During a calibration the end points are what is looked for.
         let below = settings.low.saturating_sub(pulse);
         let above = pulse.saturating_sub(settings.high);
-        if below.max(above) > settings.beyond && self.calibration.is_none() {
+        let driven = pulse >= DRIVEN || below <= NOT_DRIVEN;
+        if (below.max(above) > settings.beyond || !driven) && self.calibration.is_none() {
             return Err(Ignored::Throttle);
         }
         let position = match settings.switch {
@@ -361,8 +377,8 @@ impl<'a> Pilot<'a> {
         u16::try_from((above * 1000 + range / 2) / range).unwrap_or(0)
     }
 
-    /// Debounces the switches, and notes since when the stick has been at idle. Returns the position before this frame, and whether all that is read counts.
-    fn settle(&mut self, now: Instant, reading: &Reading) -> (Option<Position>, bool) {
+    /// Debounces the switches, and notes since when the stick has been at idle.
+    fn settle(&mut self, now: Instant, reading: &Reading) -> Settling {
         if self.last.is_none_or(|last| now.saturating_duration_since(last) > GAP) {
             if self.last.is_some() {
                 count(&mut self.counters.gaps);
@@ -385,7 +401,7 @@ impl<'a> Pilot<'a> {
         let handed_over = self.hand_over.see(now, reading.handed_over, hold);
         // Nothing but the stop counts while it is not known who is to have the throttle.
         let stop = reading.position == Some(Position::Stop);
-        (before, position && (handed_over || stop))
+        Settling { before, position, all: position && (handed_over || stop) }
     }
 
     /// Notes moves of the switch, and since when it has been at standby.
@@ -413,7 +429,8 @@ impl<'a> Pilot<'a> {
         if reading.position != Some(Position::Standby) {
             (self.release, self.arm) = (false, false);
         }
-        if reading.handed_over {
+        // A hand-over that has not settled takes no order of the switch away.
+        if self.hand_over.get() == Some(true) {
             (self.shut_down, self.waits, self.arm) = (false, false, false);
         }
     }

@@ -348,6 +348,44 @@ fn outputs_that_nobody_drives_are_no_stop() {
     }
 }
 
+/// The same with end points so far down that 881 µs is within what is read as a throttle: the autopilot restarts in flight.
+#[test]
+fn outputs_that_nobody_drives_are_no_stop_with_end_points_of_1000_us_either() {
+    for (kind, reversed) in [(Kind::Sbus, false), (Kind::Crsf, false), (Kind::Pwm, false), (Kind::Sbus, true)]
+    {
+        begin(kind, async |radio, plug, halves| {
+            let settings = EngineSettings { low: 1000, high: 2000, reversed, ..kind.settings() };
+            let (idle, half) = (if reversed { 2000 } else { 1000 }, 1500);
+            life(&Life { radio, plug, memory: None, settings }, halves, async |world| {
+                radio.stick.set(idle);
+                world.pass(2.0).await;
+                world.radio.switch.set(STANDBY);
+                world.until("armed", 30, || world.telemetry().armed).await;
+                world.until("standby", 60, || world.state() == EngineState::Standby).await;
+                world.pass(2.0).await;
+                world.radio.switch.set(RUN);
+                world.until("running", 120, || world.state() == EngineState::Running).await;
+                world.radio.stick.set(half);
+                world.until("half throttle", 10, || world.ordered() == Some(500)).await;
+                // Two seconds of its start without frames, then as long without anybody who drives the outputs.
+                world.radio.plugged.set(false);
+                world.pass(2.0).await;
+                world.radio.plugged.set(true);
+                for output in [&world.radio.stick, &world.radio.switch, &world.radio.hand_over] {
+                    output.set(881);
+                }
+                world.pass(2.0).await;
+                assert!(!world.telemetry().stop_latched, "{kind:?}, reversed {reversed}");
+                assert!(world.ordered().is_some_and(|throttle| throttle <= 500));
+                // A stop that a transmitter sends is one, also beside a stick that is as low as one can be.
+                world.radio.switch.set(STOP);
+                world.until("a stop", 1, || world.telemetry().stop_latched).await;
+            })
+            .await;
+        });
+    }
+}
+
 #[test]
 fn a_wire_of_pulses_that_breaks_is_silence() {
     for wire in [1, 2, 3] {
@@ -583,6 +621,36 @@ fn calibration_takes_the_end_points_and_is_refused_while_the_engine_turns() {
         let mut pilot = world.pilot.borrow_mut();
         assert_eq!(pilot.begin_calibration(), Err(CalibrationError::EngineTurns));
         assert_eq!(pilot.configure(EngineSettings::DEFAULT), Err(SettingsError::EngineTurns));
+    });
+}
+
+/// Hand-over channel and switch are moved at once, or the hand-over channel comes and goes: the move to standby is not lost.
+#[test]
+fn shut_down_counts_beside_a_hand_over_channel_that_has_not_settled() {
+    each(async |world| {
+        for off in [0.0, 0.02, 0.05] {
+            if world.telemetry().ordered.order == Order::Standby {
+                world
+                    .until("cold", 400, || {
+                        let telemetry = world.telemetry();
+                        let egt =
+                            telemetry.current(telemetry.report.egt).is_some_and(|egt| egt.tenths() < 900);
+                        telemetry.state == EngineState::Standby && egt
+                    })
+                    .await;
+            }
+            world.start().await;
+            world.radio.switch.set(STANDBY);
+            world.pass(off).await;
+            // It is at on for 0.04 s in every 0.1 s.
+            for _ in 0..10 {
+                world.radio.hand_over.set(2000);
+                world.pass(0.04).await;
+                world.radio.hand_over.set(1000);
+                world.pass(0.06).await;
+            }
+            world.until("standby", 2, || world.telemetry().ordered.order == Order::Standby).await;
+        }
     });
 }
 
