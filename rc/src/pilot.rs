@@ -289,7 +289,7 @@ impl<'a> Pilot<'a> {
             _ if telemetry.stop_latched || reading.handed_over => Command::Present,
             position => match telemetry.ordered.order {
                 Order::Standby => {
-                    return self.in_standby(now, before, position, reading.demand, &telemetry);
+                    return self.in_standby(now, before, &reading, &telemetry);
                 }
                 Order::Run(_) | Order::Doubt(_) | Order::Listen if position != Some(Position::Standby) => {
                     // Without a switch radio control moves the throttle of an engine that runs, and nothing else.
@@ -465,11 +465,11 @@ impl<'a> Pilot<'a> {
         &mut self,
         now: Instant,
         before: Option<Position>,
-        position: Option<Position>,
-        demand: Demand,
+        reading: &Reading,
         telemetry: &Telemetry,
     ) -> Outcome {
         self.shut_down = false;
+        let Reading { demand, idle, position, .. } = *reading;
         match position {
             None => return self.command(Command::Present),
             Some(Position::Run) => {
@@ -487,7 +487,9 @@ impl<'a> Pilot<'a> {
                     return Outcome::SettingsDamaged;
                 }
                 if steady || self.waits {
-                    let outcome = self.command(Command::Run(demand));
+                    // A stick at idle is idle, whatever shaft speed it commands then: not every engine's idle speed is known.
+                    let start = if idle { Demand::Throttle(Throttle::IDLE) } else { demand };
+                    let outcome = self.command(Command::Run(start));
                     self.waits = matches!(outcome, Outcome::Commanded(_, Ok(Accepted::StartWaits)));
                     if steady && matches!(outcome, Outcome::Commanded(_, Err(_))) {
                         count(&mut self.counters.starts_refused);

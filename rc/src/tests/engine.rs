@@ -700,6 +700,32 @@ fn stick_may_command_a_shaft_speed() {
     });
 }
 
+/// The pulses of an autopilot are 5 µs longer than its outputs, and RC_RPM_MIN is a choice: neither keeps an engine from a start.
+#[test]
+fn start_by_a_stick_that_commands_a_shaft_speed_needs_the_stick_at_idle_and_no_more() {
+    for (stick, low, above) in [(IDLE, 55_000, 0), (1106, 40_000, 400)] {
+        begin(Kind::Sbus, async |radio, plug, halves| {
+            let of = |rpm| Some(Rpm::new(rpm));
+            let settings = EngineSettings { rpm_low: of(low), rpm_high: of(90_000), ..radio.kind.settings() };
+            life(&Life { radio, plug, memory: None, settings }, halves, async |world| {
+                world.arm().await;
+                world.pass(20.0).await;
+                world.radio.stick.set(stick);
+                world.pass(1.0).await;
+                world.radio.switch.set(RUN);
+                world.until("running", 120, || world.state() == EngineState::Running).await;
+                let ordered = || match world.telemetry().ordered.order {
+                    Order::Run(Demand::Rpm(rpm)) => rpm.get().checked_sub(low),
+                    _ => None,
+                };
+                world.until("ordered", 30, || ordered().is_some_and(|over| over.abs_diff(above) < 100)).await;
+                assert_eq!(world.ignitions(), 1);
+            })
+            .await;
+        });
+    }
+}
+
 #[test]
 fn reversed_stick_and_switch_stop_start_and_throttle_the_engine() {
     begin(Kind::Sbus, async |radio, plug, halves| {

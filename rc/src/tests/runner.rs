@@ -18,11 +18,13 @@ use jetlink::command::{Command, Demand, Order, Origin};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::amt::codec::EngineModel;
 use jetlink::ecu::zk::codec::Rate;
+use jetlink::engine::config::Governor;
 use jetlink::engine::state::EngineState;
 use jetlink::event::LossStage;
 use jetlink::line::Line;
 use jetlink::line::LineError;
 use jetlink::runner::LineErrors;
+use jetlink::units::Rpm;
 use sim::any::AnyConfig;
 use sim::clock;
 use sim::receiver::{crsf, sbus, steps};
@@ -187,11 +189,17 @@ impl World<'_, '_> {
 
 /// A node with an AMT and a ZK engine of a group, and one receiver.
 fn run(crsf: bool, scenario: impl AsyncFnOnce(&World<'_, '_>)) {
+    run_with(crsf, EngineSettings::DEFAULT, scenario);
+}
+
+/// The same with these settings of both engines. The AMT engine has a governor.
+fn run_with(crsf: bool, settings: EngineSettings, scenario: impl AsyncFnOnce(&World<'_, '_>)) {
     clock::reset();
-    let configs = [
+    let mut configs = [
         EngineConfig::amt("left", 0, Line::new(2400), Some(EngineModel::Olympus)),
         EngineConfig::zk("right", 1, Line::new(9600), Rate::Hz20),
     ];
+    configs[0].supervision.governor = Some(Governor::DEFAULT);
     let ecus = [
         (AnyConfig::amt(sim::amt::EngineModel::Olympus), sim::line::Line::n1(2400)),
         (AnyConfig::Zk(ZkConfig::new(5)), sim::line::Line::n1(9600)),
@@ -201,9 +209,10 @@ fn run(crsf: bool, scenario: impl AsyncFnOnce(&World<'_, '_>)) {
     let owners = channels.each_ref().map(|channel| channel.owner_in(&channels));
     let engines = owners.map(|owner| owner.handle());
     let input = if crsf { Input::Crsf(Crsf::new()) } else { Input::Sbus(Sbus::new()) };
-    let pilots = owners.iter().zip(&configs).map(|(owner, config)| {
-        Pilot::new(owner.source(Origin::Rc).unwrap(), config, EngineSettings::DEFAULT).unwrap()
-    });
+    let pilots = owners
+        .iter()
+        .zip(&configs)
+        .map(|(owner, config)| Pilot::new(owner.source(Origin::Rc).unwrap(), config, settings).unwrap());
     let service = RefCell::new(Service::<2>::new(input, pilots));
     let (uart, receiver) = (Uart::default(), Receiver::new(crsf));
     let outcomes = RefCell::<Vec<(Instant, usize, Outcome)>>::default();
@@ -345,4 +354,31 @@ fn fault_damages_the_frame_that_is_read_and_the_next_one() {
         good.push((sbus.counters().frames, sbus.counters().bad_frames));
     }
     assert_eq!(good[1..], [(1, 0), (2, 0), (2, 1), (2, 2), (3, 2), (4, 2), (5, 2)]);
+}
+
+/// One engine has a speed control of its own, for the other jetlink governs the speed.
+#[test]
+fn a_stick_that_commands_a_shaft_speed_starts_and_moves_both_engines() {
+    let of = |rpm| Some(Rpm::new(rpm));
+    let settings = EngineSettings { rpm_low: of(55_000), rpm_high: of(90_000), ..EngineSettings::DEFAULT };
+    run_with(false, settings, async |world| {
+        world.start().await;
+        for (stick, rpm) in [(1500, 72_500), (1900, 90_000), (IDLE, 55_000)] {
+            world.receiver.stick.set(stick);
+            let near = |engine: &Handle<'_>| {
+                engine.telemetry().report.rpm.is_some_and(|now| now.value.get().abs_diff(rpm) < 1500)
+            };
+            world.until("the shaft speed", 40, || world.both(near)).await;
+        }
+        // A stop forgets the speed: it is released as that of a throttle is.
+        world.receiver.stick.set(1900);
+        world.pass(5000).await;
+        world.receiver.switch.set(STOP);
+        world.pass(90_000).await;
+        assert!(world.both(|engine| engine.telemetry().stop_latched));
+        world.receiver.stick.set(IDLE);
+        world.pass(1000).await;
+        world.receiver.switch.set(STANDBY);
+        world.until("released", 120, || world.both(|engine| engine.telemetry().armed)).await;
+    });
 }
