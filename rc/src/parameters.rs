@@ -117,9 +117,7 @@ impl<const N: usize> Attached for Parameters<'_, '_, N> {
 
     fn calibrate(&mut self, engine: usize, begin: bool) -> Result<(), Refusal> {
         let mut radio = self.radio.ok_or(Refusal::NoReceiver)?.borrow_mut();
-        let pilot = radio.pilot_mut(engine).ok_or(Refusal::NoReceiver)?;
-        let done = if begin { pilot.begin_calibration() } else { pilot.end_calibration().map(|_| ()) };
-        done.map_err(|error| match error {
+        radio.calibrate(engine, begin).ok_or(Refusal::NoReceiver)?.map_err(|error| match error {
             CalibrationError::EngineTurns => Refusal::Turns,
             error => Refusal::Malformed(error.text()),
         })

@@ -190,7 +190,7 @@ impl<'a> Pilot<'a> {
     /// What is wrong with them, or that the engine turns.
     pub fn configure(&mut self, settings: EngineSettings) -> Result<(), SettingsError> {
         settings.check()?;
-        if self.telemetry().turns() {
+        if self.turns() {
             return Err(SettingsError::EngineTurns);
         }
         self.settings = settings;
@@ -209,7 +209,7 @@ impl<'a> Pilot<'a> {
     /// # Errors
     /// The engine turns.
     pub fn begin_calibration(&mut self) -> Result<(), CalibrationError> {
-        if self.telemetry().turns() {
+        if self.turns() {
             return Err(CalibrationError::EngineTurns);
         }
         self.calibration = Some(Calibration::default());
@@ -222,13 +222,28 @@ impl<'a> Pilot<'a> {
     /// There are none: nothing has changed.
     pub fn end_calibration(&mut self) -> Result<(u16, u16), CalibrationError> {
         let calibration = self.calibration.take().ok_or(CalibrationError::NotBegun)?;
-        if self.telemetry().turns() {
+        if self.turns() {
             return Err(CalibrationError::EngineTurns);
         }
         let (low, high) = calibration.ends()?;
         (self.settings.low, self.settings.high) = (low, high);
         self.begin_anew();
         Ok((low, high))
+    }
+
+    /// Whether its stick is being calibrated.
+    pub(crate) const fn calibrates(&self) -> bool {
+        self.calibration.is_some()
+    }
+
+    /// Ends a calibration without a result.
+    pub(crate) const fn cancel_calibration(&mut self) {
+        self.calibration = None;
+    }
+
+    /// Whether its engine turns, or is ordered to.
+    pub(crate) fn turns(&self) -> bool {
+        self.telemetry().turns()
     }
 
     fn telemetry(&self) -> Telemetry {

@@ -1,5 +1,6 @@
 //! One receiver and the engines that it commands.
 
+use crate::calibration::CalibrationError;
 use crate::channels::Channels;
 use crate::input::Input;
 use crate::pilot::{Outcome, Pilot};
@@ -36,7 +37,23 @@ impl<'a, const N: usize> Service<'a, N> {
         &self.pilots
     }
 
-    /// An engine by its place, to configure or calibrate it.
+    /// Begins a calibration of the stick of an engine, by its place, or ends it. `None`: there is no such engine. It is refused while any
+    /// engine of the receiver turns, and a turning one ends it: the stick may be that of several.
+    pub fn calibrate(&mut self, engine: usize, begin: bool) -> Option<Result<(), CalibrationError>> {
+        let any_turns = self.any_turns();
+        let pilot = self.pilots.get_mut(engine)?;
+        Some(match (any_turns, begin) {
+            (true, _) => Err(CalibrationError::EngineTurns),
+            (false, true) => pilot.begin_calibration(),
+            (false, false) => pilot.end_calibration().map(|_| ()),
+        })
+    }
+
+    fn any_turns(&self) -> bool {
+        self.pilots.iter().any(Pilot::turns)
+    }
+
+    /// An engine by its place, to configure it.
     pub fn pilot_mut(&mut self, engine: usize) -> Option<&mut Pilot<'a>> {
         self.pilots.get_mut(engine)
     }
@@ -68,6 +85,9 @@ impl<'a, const N: usize> Service<'a, N> {
 
     fn pass_on(&mut self, now: Instant, channels: Channels, outcome: &mut impl FnMut(usize, Outcome)) {
         self.last = Some((now, channels));
+        if self.pilots.iter().any(Pilot::calibrates) && self.any_turns() {
+            self.pilots.iter_mut().for_each(Pilot::cancel_calibration);
+        }
         for (engine, pilot) in self.pilots.iter_mut().enumerate() {
             let result = pilot.frame(now, &channels);
             outcome(engine, result);

@@ -2,6 +2,7 @@
 //! turbines.
 
 use super::world::{IDLE, RUN, STANDBY, STOP};
+use crate::calibration::CalibrationError;
 use crate::crsf::Crsf;
 use crate::input::Input;
 use crate::pilot::{Outcome, Pilot};
@@ -189,11 +190,11 @@ impl World<'_, '_> {
 
 /// A node with an AMT and a ZK engine of a group, and one receiver.
 fn run(crsf: bool, scenario: impl AsyncFnOnce(&World<'_, '_>)) {
-    run_with(crsf, EngineSettings::DEFAULT, scenario);
+    run_with(crsf, [EngineSettings::DEFAULT; 2], scenario);
 }
 
 /// The same with these settings of both engines. The AMT engine has a governor.
-fn run_with(crsf: bool, settings: EngineSettings, scenario: impl AsyncFnOnce(&World<'_, '_>)) {
+fn run_with(crsf: bool, settings: [EngineSettings; 2], scenario: impl AsyncFnOnce(&World<'_, '_>)) {
     clock::reset();
     let mut configs = [
         EngineConfig::amt("left", 0, Line::new(2400), Some(EngineModel::Olympus)),
@@ -209,10 +210,9 @@ fn run_with(crsf: bool, settings: EngineSettings, scenario: impl AsyncFnOnce(&Wo
     let owners = channels.each_ref().map(|channel| channel.owner_in(&channels));
     let engines = owners.map(|owner| owner.handle());
     let input = if crsf { Input::Crsf(Crsf::new()) } else { Input::Sbus(Sbus::new()) };
-    let pilots = owners
-        .iter()
-        .zip(&configs)
-        .map(|(owner, config)| Pilot::new(owner.source(Origin::Rc).unwrap(), config, settings).unwrap());
+    let pilots = owners.iter().zip(&configs).zip(settings).map(|((owner, config), settings)| {
+        Pilot::new(owner.source(Origin::Rc).unwrap(), config, settings).unwrap()
+    });
     let service = RefCell::new(Service::<2>::new(input, pilots));
     let (uart, receiver) = (Uart::default(), Receiver::new(crsf));
     let outcomes = RefCell::<Vec<(Instant, usize, Outcome)>>::default();
@@ -361,7 +361,7 @@ fn fault_damages_the_frame_that_is_read_and_the_next_one() {
 fn a_stick_that_commands_a_shaft_speed_starts_and_moves_both_engines() {
     let of = |rpm| Some(Rpm::new(rpm));
     let settings = EngineSettings { rpm_low: of(55_000), rpm_high: of(90_000), ..EngineSettings::DEFAULT };
-    run_with(false, settings, async |world| {
+    run_with(false, [settings; 2], async |world| {
         world.start().await;
         for (stick, rpm) in [(1500, 72_500), (1900, 90_000), (IDLE, 55_000)] {
             world.receiver.stick.set(stick);
@@ -380,5 +380,34 @@ fn a_stick_that_commands_a_shaft_speed_starts_and_moves_both_engines() {
         world.pass(1000).await;
         world.receiver.switch.set(STANDBY);
         world.until("released", 120, || world.both(|engine| engine.telemetry().armed)).await;
+    });
+}
+
+/// One stick for both engines, a switch for each, of which that of the second stays at standby.
+#[test]
+fn a_stick_is_not_calibrated_for_one_engine_while_another_one_turns() {
+    let second = EngineSettings { switch: 6, ..EngineSettings::DEFAULT };
+    run_with(false, [EngineSettings::DEFAULT, second], async |world| {
+        world.pass(2000).await;
+        let calibrate = |engine, begin| world.service.borrow_mut().calibrate(engine, begin);
+        assert_eq!(calibrate(2, true), None);
+        assert_eq!(calibrate(1, true), Some(Ok(())), "both are at rest");
+        world.receiver.switch.set(STANDBY);
+        world.until("armed", 30, || world.engines[0].telemetry().armed).await;
+        world.until("standby", 60, || world.states() == [EngineState::Standby; 2]).await;
+        world.pass(2000).await;
+        world.receiver.switch.set(RUN);
+        world.until("running", 240, || world.states()[0] == EngineState::Running).await;
+        let turns = Some(Err(CalibrationError::EngineTurns));
+        assert_eq!([calibrate(1, false), calibrate(1, true), calibrate(0, true)], [turns; 3]);
+        // The one that was under way is over: the stick that moves now is that of a running engine.
+        for stick in [1050, 1950, 1500] {
+            world.receiver.stick.set(stick);
+            world.pass(500).await;
+        }
+        world.receiver.switch.set(STOP);
+        world.pass(120_000).await;
+        assert_eq!(calibrate(1, false), Some(Err(CalibrationError::NotBegun)));
+        assert_eq!(calibrate(1, true), Some(Ok(())));
     });
 }
