@@ -8,6 +8,7 @@
 //! |---|---|
 //! | [`channels`], `confirm` | channels of a receiver; when a value counts |
 //! | [`sbus`], [`crsf`], [`pwm`], [`input`] | the three inputs, and one type for all |
+//! | [`edges`] | pulses from the edges that a timer catches |
 //! | [`settings`], [`config`] | settings of an engine and of its outputs; the receiver of a node |
 //! | `position` | positions of a switch, debounced |
 //! | [`calibration`], [`pilot`] | end points of the stick; one engine: its stick, its switch, its commands |
@@ -37,6 +38,7 @@ pub mod config;
 mod confirm;
 mod count;
 pub mod crsf;
+pub mod edges;
 pub mod input;
 pub mod outputs;
 #[cfg(feature = "mavlink")]

@@ -1,7 +1,7 @@
 //! Servo pulses of a receiver on the four channels of a timer (`boards/` has the boards with one). No emulator shows it.
 //!
-//! The timer counts µs and catches both edges of each pulse; the level of the pin says which edge it was. Nothing is known of a pulse whose
-//! beginning was not seen.
+//! The timer counts µs and catches both edges of each pulse; the level of the pin says which edge it was. What they are as pulses is in
+//! [`jetlink_rc::edges`].
 
 /// The board's outputs that are these inputs instead, if it has any.
 #[cfg(not(board_pulses))]
@@ -37,32 +37,13 @@ mod timer {
     use embassy_stm32::timer::low_level::{FilterValue, InputCaptureMode, InputTISelection, Timer as Driver};
     use embassy_sync::blocking_mutex::{Mutex, raw::CriticalSectionRawMutex};
     use embassy_sync::channel;
-    use embassy_time::{Duration, Instant, Timer};
+    use embassy_time::{Instant, Timer};
+    use jetlink_rc::edges::{Caught, Edges, LOOK_AFTER};
     use jetlink_rc::runner::MeasuredPulse;
 
     const CHANNELS: [Channel; 4] = [Channel::Ch1, Channel::Ch2, Channel::Ch3, Channel::Ch4];
-    /// The counter has 16 bits: what is longer is measured by the clock of the node.
-    const COUNTS: Duration = Duration::from_millis(60);
-    /// Edges of a channel in this time that are taken. More are noise: its interrupts rest then, as they are above every engine.
-    const WINDOW: Duration = Duration::from_millis(20);
-    const MOST_EDGES: u8 = 24;
 
-    /// One input.
-    #[derive(Clone, Copy)]
-    struct Input {
-        /// Counter and time at the last rise.
-        rise: Option<(u16, Instant)>,
-        /// Time between the last two rises, in µs.
-        period: Option<u32>,
-        /// Edges since then.
-        edges: u8,
-        since: Instant,
-    }
-
-    const NOTHING: Input = Input { rise: None, period: None, edges: 0, since: Instant::MIN };
-
-    static INPUTS: Mutex<CriticalSectionRawMutex, RefCell<[Input; 4]>> =
-        Mutex::new(RefCell::new([NOTHING; 4]));
+    static EDGES: Mutex<CriticalSectionRawMutex, RefCell<Edges>> = Mutex::new(RefCell::new(Edges::new()));
     static PULSES: channel::Channel<CriticalSectionRawMutex, MeasuredPulse, 8> = channel::Channel::new();
 
     /// Takes the pins and starts the timer. Call it once.
@@ -104,20 +85,19 @@ mod timer {
     #[expect(clippy::disallowed_methods, reason = "inputs that rest are tried again")]
     pub async fn next() -> MeasuredPulse {
         loop {
-            match select(PULSES.receive(), Timer::after(WINDOW)).await {
-                Either::First(pulse) => return pulse,
-                // Inputs that rest are tried again.
-                Either::Second(()) => critical_section(|| {
-                    REGISTERS
-                        .dier()
-                        .modify(|w| (0..CHANNELS.len()).for_each(|place| w.set_ccie(place, true)));
-                }),
+            let pulse = select(PULSES.receive(), Timer::after(LOOK_AFTER)).await;
+            EDGES.lock(|edges| edges.borrow_mut().rested(Instant::now()).for_each(catch_again));
+            if let Either::First(pulse) = pulse {
+                return pulse;
             }
         }
     }
 
-    fn critical_section(act: impl FnOnce()) {
-        INPUTS.lock(|_| act());
+    /// Catches the edges of an input again.
+    fn catch_again(place: usize) {
+        // Reading it clears the flag of an edge that was caught meanwhile, and is old.
+        let _ = REGISTERS.ccr(place).read();
+        REGISTERS.dier().modify(|w| w.set_ccie(place, true));
     }
 
     /// Takes the edges that the timer has caught.
@@ -125,44 +105,21 @@ mod timer {
     fn edges() {
         let flags = REGISTERS.sr().read();
         let now = Instant::now();
-        INPUTS.lock(|inputs| {
-            for ((place, input), (gpio, pin)) in inputs.borrow_mut().iter_mut().enumerate().zip(PINS) {
+        EDGES.lock(|edges| {
+            for (place, (gpio, pin)) in PINS.into_iter().enumerate() {
                 if !flags.ccif(place) {
                     continue;
                 }
                 // Reading it clears the flag.
                 let count = REGISTERS.ccr(place).read().ccr();
                 let is_high = gpio.idr().read().idr(pin) == Idr::HIGH;
-                if let Some((width, period)) = input.edge(now, count, is_high) {
+                match edges.borrow_mut().edge(now, place, count, is_high) {
+                    Caught::Edge => {}
                     // As many as wait are older than what counts: the rest is dropped.
-                    let _ = PULSES.try_send(MeasuredPulse { number: place as u8 + 1, width, period });
-                }
-                if input.edges > MOST_EDGES {
-                    *input = NOTHING;
-                    REGISTERS.dier().modify(|w| w.set_ccie(place, false));
+                    Caught::Pulse(pulse) => drop(PULSES.try_send(pulse)),
+                    Caught::Noise => REGISTERS.dier().modify(|w| w.set_ccie(place, false)),
                 }
             }
         });
-    }
-
-    impl Input {
-        /// Takes an edge. Returns width and period of a pulse that has ended.
-        fn edge(&mut self, now: Instant, count: u16, is_high: bool) -> Option<(u32, u32)> {
-            if now.saturating_duration_since(self.since) > WINDOW {
-                (self.edges, self.since) = (0, now);
-            }
-            self.edges = self.edges.saturating_add(1);
-            let passed = self.rise.map(|(before, at)| {
-                let time = now.saturating_duration_since(at);
-                let long = u32::try_from(time.as_micros()).unwrap_or(u32::MAX);
-                if time > COUNTS { long } else { u32::from(count.wrapping_sub(before)) }
-            });
-            if is_high {
-                (self.rise, self.period) = (Some((count, now)), passed);
-                return None;
-            }
-            // A pulse ends once.
-            Some((passed?, self.period.take()?))
-        }
     }
 }

@@ -2,6 +2,7 @@
 #![allow(clippy::disallowed_methods, reason = "a scenario keeps its own time")]
 
 mod crsf;
+mod edges;
 mod engine;
 mod frames;
 mod outputs;
