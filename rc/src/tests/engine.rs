@@ -489,6 +489,71 @@ fn engine_resumes_after_a_reset_in_flight_and_the_valve_stays_open() {
     }
 }
 
+/// The stick went up while the node was reset, or the receiver comes with full throttle some time later.
+#[test]
+fn engine_that_is_found_after_a_reset_is_taken_over_without_a_jump() {
+    for kind in Kind::ALL {
+        for (reset, later) in
+            [(Reset::Warm, 0.0), (Reset::PowerLost, 0.0), (Reset::Warm, 8.0), (Reset::PowerLost, 8.0)]
+        {
+            begin(kind, async |radio, plug, halves| {
+                let memory = memory();
+                let with =
+                    |reset| Life { radio, plug, memory: Some((memory, reset)), settings: kind.settings() };
+                life(&with(Reset::PowerLost), halves, async |world| {
+                    world.start().await;
+                    world.radio.stick.set(1300);
+                    world.until("a quarter", 5, || world.ordered() == Some(250)).await;
+                    world.pass(5.0).await;
+                })
+                .await;
+                radio.stick.set(1900);
+                radio.plugged.set(later == 0.0);
+                let halves = plug.reset_node();
+                life(&with(reset), halves, async |world| {
+                    world.until("found running", 10, || world.ordered().is_some()).await;
+                    assert!(world.ordered() <= Some(250), "{:?}", world.ordered());
+                    world.pass(later).await;
+                    world.radio.plugged.set(true);
+                    world.rises_to(1000).await;
+                    assert_eq!((world.state(), world.ignitions()), (EngineState::Running, 1));
+                })
+                .await;
+            });
+        }
+    }
+}
+
+/// The hand-over channel is a pot on its way out, or a loose wire: whoever has the throttle, it does not jump, and the stop stays.
+#[test]
+fn hand_over_that_comes_and_goes_moves_the_throttle_slowly_and_keeps_the_stop() {
+    each(async |world| {
+        world.start().await;
+        world.radio.stick.set(1900);
+        world.until("full throttle", 5, || world.ordered() == Some(1000)).await;
+        world.lower.set(Some(run_at(100)));
+        world.pass(2.0).await;
+        let mut before = 1000;
+        for n in 0..1500_u32 {
+            let on = match n / 300 {
+                0 => n % 2 == 0,
+                1 => n % 7 < 3,
+                2 => n % 20 < 10,
+                3 => n % 100 < 50,
+                _ => n % 300 < 150,
+            };
+            world.radio.hand_over.set(if on { 2000 } else { 1000 });
+            world.pass(0.02).await;
+            let ordered = world.ordered().unwrap();
+            assert!(ordered <= before + 30, "{n}: from {before} to {ordered} in 20 ms");
+            before = ordered;
+        }
+        assert_eq!((world.state(), world.ignitions()), (EngineState::Running, 1));
+        world.radio.switch.set(STOP);
+        world.until("stop", 1, || world.telemetry().stop_latched).await;
+    });
+}
+
 #[test]
 fn reset_while_stopped_keeps_the_valve_closed() {
     begin(Kind::Sbus, async |radio, plug, halves| {
