@@ -2,9 +2,7 @@
 //! itself and is the judge: `in_window`, `late`, `none` and `unsolicited` are its counts, not ours.
 #![allow(clippy::disallowed_methods, reason = "a scenario keeps its own time")]
 
-mod bench;
-
-use bench::{Bench, LONG, received, throttle};
+use bench::wired::{Bench, LONG, control_frames, received, throttle};
 use embassy_futures::join::join;
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Timer};
@@ -36,7 +34,7 @@ fn messages(record: &[Entry]) -> Vec<(u64, sim::amt::AmtCommand)> {
         control::Command::Amt(message) => (at, message),
         control::Command::Zk(_) => unreachable!("read as AMT"),
     };
-    bench::control_frames(Protocol::Amt, record).into_iter().map(amt).collect()
+    control_frames(Protocol::Amt, record).into_iter().map(amt).collect()
 }
 
 /// AMT-11: one reply to every frame, in its window, at every baud rate; the ECU's own measure of the margin.

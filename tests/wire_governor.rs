@@ -2,9 +2,7 @@
 //! turbine, not in the telemetry.
 #![allow(clippy::disallowed_methods, reason = "a scenario keeps its own time")]
 
-mod bench;
-
-use bench::{Bench, LONG, rpm};
+use bench::wired::{Bench, LONG, rpm};
 use embassy_time::{Duration, Instant, Timer};
 use jetlink::command::Origin;
 use jetlink::config::EngineConfig;

@@ -1,9 +1,7 @@
 //! Resets and groups over the wire: the firmware's node on one end, simulated ECUs on the other, in virtual time.
 #![allow(clippy::disallowed_methods, reason = "a scenario keeps its own time")]
 
-mod bench;
-
-use bench::{LONG, command_as, received, throttle};
+use bench::wired::{LONG, command_as, received, throttle};
 use embassy_futures::join::join;
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Timer};

@@ -2,9 +2,7 @@
 //! and what is on the wire is read by the simulation, not by our codec.
 #![allow(clippy::disallowed_methods, reason = "a scenario keeps its own time")]
 
-mod bench;
-
-use bench::{Bench, LONG, received, rpm, throttle};
+use bench::wired::{Bench, LONG, control_frames, received, rpm, throttle};
 use embassy_time::{Duration, Timer};
 use jetlink::command::{Command, Interlock, Origin, Rejected};
 use jetlink::config::EngineConfig;
@@ -41,7 +39,7 @@ fn commands(record: &[Entry]) -> Vec<(u64, ZkCommand)> {
         control::Command::Zk(command) => (at, command),
         control::Command::Amt(_) => unreachable!("read as ZK"),
     };
-    bench::control_frames(Protocol::Zk, record).into_iter().map(zk).collect()
+    control_frames(Protocol::Zk, record).into_iter().map(zk).collect()
 }
 
 /// ZK-10, ZK-11, ZK-12: a command in every slot and a status for it, at every baud rate, with one stop bit and

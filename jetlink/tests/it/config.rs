@@ -1,8 +1,8 @@
 //! The table of engines: what is refused before it can fly.
 
-use crate::support::bench::at_us;
 use crate::support::frames::zk as zk_frames;
 use crate::support::scenario::{Ecu, Reports, SECOND, Scenario, Wire, percent, run};
+use bench::by_hand::at_us;
 use embassy_time::Duration;
 use jetlink::command::Origin;
 use jetlink::config::{

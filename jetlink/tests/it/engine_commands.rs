@@ -9,11 +9,11 @@ use jetlink::report::{LinkState, Phase};
 use jetlink::units::{Celsius, Throttle};
 use proptest::prelude::*;
 
-use crate::support::bench::micros;
 use crate::support::frames::zk as zk_frames;
 use crate::support::scenario::{
     ALL, BOTH, Ecu, FRAME_PERIOD_US, Reports, SECOND, Scenario, Wire, ZK_IDLE, percent, rpm, run,
 };
+use bench::by_hand::micros;
 
 /// What moves fuel or heats: everything but the rates and the end of what was opened.
 const MOVE_FUEL: [Action; 6] = [

@@ -7,12 +7,12 @@ use jetlink::limit::LimitKind;
 use jetlink::limit::{Action, Limit};
 use jetlink::units::{Celsius, Millivolts, Rpm, Throttle};
 
-use crate::support::bench::at_us;
 use crate::support::frames::{amt as amt_frames, zk as zk_frames};
 use crate::support::scenario::{
     BOTH, COMMAND_PERIOD_US, Ecu, FRAME_PERIOD_US, Reports, SECOND, Scenario, TURNING, Values, Wire, percent,
     run,
 };
+use bench::by_hand::at_us;
 
 /// A scenario with an engine that runs at 50 % with these limits.
 fn running(ecu: Ecu, change: impl FnOnce(&mut Limits)) -> Scenario {

@@ -8,12 +8,12 @@ use jetlink::limit::LimitKind;
 use jetlink::report::{EcuState, LinkState};
 use jetlink::units::{Celsius, Millivolts, Rpm, Throttle};
 
-use crate::support::bench::at_us;
 use crate::support::frames::{amt as amt_frames, zk as zk_frames};
 use crate::support::scenario::{
     ALL, BOTH, COMMAND_PERIOD_US, Ecu, FRAME_PERIOD_US, Reports, SECOND, Scenario, TURNING, Values, Wire,
     ZK_IDLE, ZK_MAX, percent, rpm, run,
 };
+use bench::by_hand::at_us;
 
 // ---------------------------------------------------------------------------------------------
 // States

@@ -8,11 +8,11 @@ use jetlink::engine::retained::RetainedState;
 use jetlink::event::{Event, LossStage};
 use jetlink::report::LinkState;
 
-use crate::support::bench::{at_us, micros};
 use crate::support::frames::{amt as amt_frames, zk as zk_frames};
 use crate::support::scenario::{
     ALL, BOTH, Ecu, FRAME_PERIOD_US, Reports, SECOND, Scenario, TURNING, Values, Wire, percent, rpm, run,
 };
+use bench::by_hand::{at_us, micros};
 
 fn drain() -> Command {
     Command::Service(Service::Zk(zk::config::Service::Action(Action::Drain)))

@@ -5,8 +5,8 @@ use jetlink::command::Origin;
 use jetlink::event::Event;
 use jetlink::report::NotSent;
 
-use crate::support::bench::at_us;
 use crate::support::scenario::{BOTH, Ecu, FRAME_PERIOD_US, Reports, SECOND, Scenario, Wire, percent, run};
+use bench::by_hand::at_us;
 
 /// What is reported of the transmitter of a running engine none of whose frames are sent, for `why`, for this long.
 fn reported(ecu: Ecu, why: NotSent, millis: u64) -> (Vec<Event>, bool) {

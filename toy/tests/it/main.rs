@@ -1,46 +1,34 @@
 //! The toy protocol's tests, as docs/porting.md lists them: the codec against the document, the settings, the timing table of
 //! the link, a node with its runner against the simulated ECU, and the simulation's reader of control frames.
 
-// The tests' benches name the library, which is the one with the toy protocol here.
-extern crate toy as jetlink;
-
-#[macro_use]
-#[path = "../../../jetlink/tests/it/support/bench.rs"]
-#[allow(dead_code, reason = "each test program uses its part")]
-mod bench;
 mod command;
 mod ecu;
-#[path = "../../../tests/bench/mod.rs"]
-#[allow(clippy::disallowed_methods, reason = "a scenario keeps its own time")]
-mod wired_bench;
 
-use bench::{Bench, Machine};
+use bench::by_hand::Bench;
+use bench::wired::{self, LONG, received, throttle};
 use command::{BadCommand, ToyCommand};
 use ecu::ToyEcu;
-use embassy_time::{Duration, Instant};
-use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
-use jetlink::config::{ConfigError, EngineConfig, LinkSettings, check, validate};
-use jetlink::ecu::toy::codec::{Control, Decoder, Faults, Frame, State};
-use jetlink::ecu::toy::config::{Config, Mistake, Service};
-use jetlink::ecu::toy::link::ToyLink;
-use jetlink::ecu::{self as any, EcuConfig};
-use jetlink::event::Event;
-use jetlink::line::Line;
-use jetlink::link::{Link, Output, Sign, Speaks, Stage};
-use jetlink::report::{LinkState, NotSent, Phase};
-use jetlink::setting::Effect;
-use jetlink::units::{Celsius, Throttle};
+use embassy_time::Duration;
 use sim::ecu::Ecu;
 use sim::frame::{ControlFrame, Reader, Switch};
 use sim::wire::{Direction, Entry};
-use wired_bench::{LONG, received, throttle};
+use toy::command::{Accepted, Command, Demand, Order, Origin, Rejected};
+use toy::config::{ConfigError, EngineConfig, LinkSettings, check, validate};
+use toy::ecu::toy::codec::{Control, Decoder, Faults, Frame, State};
+use toy::ecu::toy::config::{Config, Mistake, Service};
+use toy::ecu::toy::link::ToyLink;
+use toy::ecu::{self as any, EcuConfig};
+use toy::event::Event;
+use toy::line::Line;
+use toy::link::{Link, Sign, Speaks, Stage};
+use toy::report::{LinkState, Phase};
+use toy::setting::Effect;
+use toy::units::{Celsius, Throttle};
 
 const LINE: Line = Line::new(9600);
 const ENGINE: EngineConfig = EngineConfig::new("toy", 0, LINE, EcuConfig::Toy(Config::DEFAULT));
 const _: () = check(&[ENGINE]);
 const RUN: Order = Order::Run(Demand::Throttle(Throttle::IDLE));
-
-machine!(ToyLink, Link, |link, now| Link::start(link, now));
 
 /// An ECU that is powered up at 0.
 fn powered() -> ToyEcu {
@@ -146,7 +134,7 @@ fn toy_link_takes_new_settings() {
 /// A node starts and stops the simulated ECU's engine, and reports its faults: runner, link and codec on a simulated line.
 #[test]
 fn node_starts_and_stops_a_toy_engine() {
-    let bench = wired_bench::Bench::new(&ENGINE, powered(), 1);
+    let bench = wired::Bench::new(&ENGINE, powered(), 1);
     let handle = bench.handle();
     let mut events = handle.events().expect("a free place");
     bench.play(LONG, async {
@@ -169,7 +157,7 @@ fn node_starts_and_stops_a_toy_engine() {
 /// What the node sends, read as the rig and the judges of random worlds read it: the protocol's `ControlFrame` is all that they need.
 #[test]
 fn reader_of_the_simulation_reads_what_a_toy_node_sends() {
-    let bench = wired_bench::Bench::new(&ENGINE, powered(), 1);
+    let bench = wired::Bench::new(&ENGINE, powered(), 1);
     bench.plug.record(true);
     bench.play(LONG, async {
         bench.start().await;
@@ -200,7 +188,7 @@ fn reader_of_the_simulation_finds_toy_frames_behind_a_part_of_one() {
 #[test]
 fn node_primes_a_toy_engine_in_standby_only() {
     let prime = Command::Service(any::Service::Toy(Service::Prime));
-    let bench = wired_bench::Bench::new(&ENGINE, powered(), 1);
+    let bench = wired::Bench::new(&ENGINE, powered(), 1);
     let primed = || bench.plug.ecu(|ecu| ecu.commands.iter().filter(|command| **command == 4).count());
     bench.play(LONG, async {
         bench.start().await;
@@ -217,7 +205,7 @@ fn node_primes_a_toy_engine_in_standby_only() {
 /// New settings of the protocol reach the link of a running node once its engine is at rest.
 #[test]
 fn node_takes_settings_of_the_toy_protocol_at_rest() {
-    let bench = wired_bench::Bench::new(&ENGINE, powered(), 1);
+    let bench = wired::Bench::new(&ENGINE, powered(), 1);
     let received = || bench.plug.ecu(|ecu| ecu.commands.len());
     bench.play(LONG, async {
         bench.start().await;

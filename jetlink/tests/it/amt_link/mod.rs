@@ -14,6 +14,7 @@ use jetlink::ecu::amt::config::{Config, REPLY_WINDOW, Service as AmtService};
 use jetlink::ecu::amt::link::AmtLink;
 use jetlink::ecu::zk::config::Service as ZkService;
 use jetlink::ecu::{EcuConfig, Faults, Service, zk};
+use jetlink::engine::Engine;
 use jetlink::engine::retained::RetainedState;
 use jetlink::event::Event;
 use jetlink::line::{Line, LineError, Timing};
@@ -22,11 +23,11 @@ use jetlink::report::{LinkState, NotSent, Phase, ReportedSwitch};
 use jetlink::units::{Celsius, Rpm, Throttle};
 use proptest::prelude::*;
 
-use crate::support::bench::{Bench, Machine, at_us, micros};
 use crate::support::frames::amt::{
     AUTO_STOP, CLEARANCE, EMERGENCY, FULL_OPERATION, IDLE_CALIBRATION, NO_CLEARANCE, RUN, STARTED_UP,
     STARTING, alternate, control, error, normal, setup,
 };
+use bench::by_hand::{Bench, BenchEngine, Machine, at_us, micros};
 
 const STOP_OPS: u8 = 0x11;
 const AUTO_OPS: u8 = 0x12;
@@ -110,18 +111,18 @@ fn hot<const N: usize>(mut frame: [u8; N]) -> [u8; N] {
 }
 
 /// The supervision on top of the link, after a reset with what was retained.
-fn engine_after(config: Config, record: Option<RetainedState>) -> Bench<jetlink::engine::Engine> {
+fn engine_after(config: Config, record: Option<RetainedState>) -> Bench<BenchEngine> {
     let mut engine = EngineConfig::amt("a", 0, SLOW, Some(EngineModel::Olympus));
     engine.ecu = EcuConfig::Amt(config);
-    let mut bench = Bench::new(jetlink::engine::Engine::new(&engine), SLOW);
+    let mut bench = Bench::engine(&engine);
     if record.is_some() {
-        bench.machine = jetlink::engine::Engine::new(&engine);
-        bench.act(|machine, now| machine.start(now, record));
+        *bench.machine = Engine::new(&engine);
+        bench.act(|machine, now| Engine::start(machine, now, record));
     }
     bench
 }
 
-fn command(bench: &mut Bench<jetlink::engine::Engine>, command: Command) -> Result<Accepted, Rejected> {
+fn command(bench: &mut Bench<BenchEngine>, command: Command) -> Result<Accepted, Rejected> {
     bench.act(|engine, now| engine.command(now, command, Origin::Rc, true))
 }
 
@@ -130,7 +131,7 @@ fn run_at(tenths: u16) -> Command {
 }
 
 /// Ordered to start by a person who commanded this throttle right behind it.
-fn started(config: Config, tenths: u16) -> Bench<jetlink::engine::Engine> {
+fn started(config: Config, tenths: u16) -> Bench<BenchEngine> {
     let mut bench = engine_after(config, Some(RetainedState::new(Order::Standby, Origin::Rc)));
     for _ in 0..16 {
         assert_eq!(ops_thr(&mut bench, &normal(CLEARANCE, AUTO_STOP, 0)), (AUTO_OPS, 0));
@@ -143,13 +144,13 @@ fn started(config: Config, tenths: u16) -> Bench<jetlink::engine::Engine> {
 }
 
 /// A frame with its source still fresh, and what is answered.
-fn flown(bench: &mut Bench<jetlink::engine::Engine>, tenths: u16, frame: &[u8]) -> Option<(u8, u8)> {
+fn flown(bench: &mut Bench<BenchEngine>, tenths: u16, frame: &[u8]) -> Option<(u8, u8)> {
     let _ = command(bench, run_at(tenths));
     answer(bench, frame)
 }
 
 /// Running at 80 %, commanded.
-fn flying() -> Bench<jetlink::engine::Engine> {
+fn flying() -> Bench<BenchEngine> {
     let mut bench = started(Config::DEFAULT, 800);
     for (state, rpm) in [(STARTING, 10), (STARTED_UP, 30)] {
         for _ in 0..2 {

@@ -363,7 +363,7 @@ fn amt_2_other_sets_do_not_drop_the_throttle() {
 fn amt_12_a_gap_puts_the_life_in_doubt() {
     let good = hot(normal(FULL_OPERATION, RUN, 100));
     let starting = hot(normal(STARTING, RUN, 10));
-    let silence = |bench: &mut Bench<jetlink::engine::Engine>, micros: u64| {
+    let silence = |bench: &mut Bench<BenchEngine>, micros: u64| {
         let end = bench.now_us() + micros - FRAME_PERIOD_US;
         bench.run_to_us(bench.now_us() + 50_000); // the reply before is out
         bench.frames();

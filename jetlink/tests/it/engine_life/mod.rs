@@ -21,12 +21,12 @@ use jetlink::limit::{Action, Limit};
 use jetlink::line::LineError;
 use jetlink::units::{Celsius, Rpm};
 
-use crate::support::bench::{at_us, micros};
 use crate::support::frames::{amt as amt_frames, zk as zk_frames};
 use crate::support::scenario::{
     BOTH, COMMAND_PERIOD_US, Ecu, FRAME_PERIOD_US, Reports, SECOND, Scenario, TURNING, Values, Wire, percent,
     rpm, run,
 };
+use bench::by_hand::{at_us, micros};
 
 /// RC's timeout, and for how long a demand is held after it.
 const SOURCE_TIMEOUT_US: u64 = 500_000;

@@ -375,7 +375,7 @@ fn a_disarm_before_the_engine_begins_ends_an_interrupted_start() {
         machine.command(at_us(0), command, Origin::Rc, true).unwrap();
         let mut scenario = Scenario::nothing_received(Ecu::Amt, config);
         machine.start(at_us(0), Some(record));
-        scenario.bench.machine = machine;
+        *scenario.bench.machine = machine;
         scenario.bench.drain();
         for _ in 0..4 {
             receive(&mut scenario, &starting);

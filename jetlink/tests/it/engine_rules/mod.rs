@@ -19,12 +19,12 @@ use jetlink::report::NotSent;
 use jetlink::telemetry::Telemetry;
 use jetlink::units::Throttle;
 
-use crate::support::bench::{at_us, micros};
 use crate::support::frames::{amt as amt_frames, zk as zk_frames};
 use crate::support::scenario::{
     BOTH, COMMAND_PERIOD_US, Ecu, FRAME_PERIOD_US, Reports, SECOND, Scenario, TURNING, Wire, percent, rpm,
     run,
 };
+use bench::by_hand::{at_us, micros};
 
 /// Runs at this throttle under RC; nothing is left from before.
 fn flying(ecu: Ecu, whole: u8) -> Scenario {

@@ -13,12 +13,12 @@ use jetlink::limit::{Action, Limit};
 use jetlink::report::LinkState;
 use jetlink::units::{Celsius, Throttle};
 
-use crate::support::bench::{at_us, micros};
 use crate::support::frames::zk as zk_frames;
 use crate::support::scenario::{
     BOTH, COMMAND_PERIOD_US, Ecu, FRAME_PERIOD_US, Reports, SECOND, Scenario, TURNING, Wire, ZK_IDLE, ZK_MAX,
     percent, rpm, run, tenths,
 };
+use bench::by_hand::{at_us, micros};
 
 /// RC's timeout.
 const SOURCE_TIMEOUT_US: u64 = 500_000;

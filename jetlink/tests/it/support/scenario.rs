@@ -1,8 +1,8 @@
 //! One engine of either kind as a scenario: what its ECU reports, what is commanded, what goes out. Times are in
 //! microseconds; everything is exact to the tick.
 
-use crate::support::bench::{Bench, at_us};
 use crate::support::frames::{amt as amt_frames, zk as zk_frames};
+use bench::by_hand::{Bench, BenchEngine, at_us};
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::amt;
@@ -130,7 +130,7 @@ impl Ecu {
 #[derive(Clone)]
 pub struct Scenario {
     pub ecu: Ecu,
-    pub bench: Bench<Engine>,
+    pub bench: Bench<BenchEngine>,
     pub reports: Option<Reports>,
     pub values: Values,
     /// No other engine of the group is starting.
@@ -161,7 +161,7 @@ impl Scenario {
     pub fn nothing_received(ecu: Ecu, config: EngineConfig) -> Self {
         Self {
             ecu,
-            bench: Bench::new(Engine::new(&config), config.line),
+            bench: Bench::engine(&config),
             reports: None,
             values: Values { rpm: None, egt_celsius: 26, half_percents: 0, fault: 0 },
             others_allow_start: true,
@@ -197,7 +197,7 @@ impl Scenario {
         let mut scenario = Self::nothing_received(ecu, config);
         let mut machine = Engine::new(&config);
         machine.start(at_us(0), retained);
-        scenario.bench.machine = machine;
+        *scenario.bench.machine = machine;
         scenario.bench.events();
         scenario.bench.frames();
         scenario.bench.drain();

@@ -28,8 +28,8 @@ use jetlink::report::{LinkState, NotSent, Phase, ReportedSwitch};
 use jetlink::units::{Hectopascals, Millivolts, Rpm, Throttle};
 use proptest::prelude::*;
 
-use crate::support::bench::{Bench, at_us};
 use crate::support::frames::zk;
+use bench::by_hand::{Bench, BenchEngine, at_us};
 
 /// SW of control IDs 1 and 6.
 const PWM: u8 = 0;

@@ -9,15 +9,15 @@ fn turning(state: u8) -> [u8; 7] {
 }
 
 /// The supervision on top of the link: ordered to start, with the stick at 60 % behind it.
-fn started() -> Bench<Engine> {
+fn started() -> Bench<BenchEngine> {
     started_with(3)
 }
 
 /// The same with an ECU of a version.
-fn started_with(version: u8) -> Bench<Engine> {
+fn started_with(version: u8) -> Bench<BenchEngine> {
     let config = EngineConfig::zk("z", 0, LINE, Rate::Hz20);
-    let mut bench = Bench::new(Engine::new(&config), LINE);
-    bench.machine = Engine::new(&config);
+    let mut bench = Bench::engine(&config);
+    *bench.machine = Engine::new(&config);
     bench.act(|engine, now| engine.start(now, Some(RetainedState::new(Order::Standby, Origin::Rc))));
     for _ in 0..30 {
         engine_slot(&mut bench, &zk::identity(160, version, 0));
@@ -30,14 +30,14 @@ fn started_with(version: u8) -> Bench<Engine> {
 }
 
 /// A status of the ECU, and what goes out up to the next slot while the source commands 60 %.
-fn engine_slot(bench: &mut Bench<Engine>, frame: &[u8]) -> Vec<u8> {
+fn engine_slot(bench: &mut Bench<BenchEngine>, frame: &[u8]) -> Vec<u8> {
     let mut frames = engine_slot_with(bench, frame, Demand::Throttle(Throttle::from_percent(60).unwrap()));
     assert_eq!(frames.len(), 1, "{frames:02x?}");
     frames.remove(0)
 }
 
 /// The same with another demand, and all that goes out.
-fn engine_slot_with(bench: &mut Bench<Engine>, frame: &[u8], demand: Demand) -> Vec<Vec<u8>> {
+fn engine_slot_with(bench: &mut Bench<BenchEngine>, frame: &[u8], demand: Demand) -> Vec<Vec<u8>> {
     let t = (bench.now_us() / SEND_SLOT_US + 1) * SEND_SLOT_US;
     bench.rx_at_us(t - 10_000, frame);
     // Refused while it is no start yet.
@@ -168,7 +168,7 @@ fn the_rpm_waits_for_a_running_engine() {
     {
         let mut bench = started_with(4);
         let mut ecu = SimpleEcu::default();
-        let mut report = |bench: &mut Bench<Engine>, frame: &[u8]| {
+        let mut report = |bench: &mut Bench<BenchEngine>, frame: &[u8]| {
             for sent in engine_slot_with(bench, frame, Demand::Rpm(Rpm::new(demand))) {
                 ecu.obey(&sent);
             }

@@ -1,6 +1,6 @@
 //! One engine on a bench: the library's channel and runner on one end of a simulated wire, a simulated ECU on the
 //! other, in virtual time. What the bytes mean is up to the simulation's reader.
-#![allow(dead_code, reason = "each test program uses its part")]
+#![allow(clippy::disallowed_methods, reason = "a scenario keeps its own time")]
 
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Timer};

@@ -2,13 +2,13 @@
 
 use embassy_time::{Duration, Instant};
 use jetlink::command::{Order, Rejected};
-use jetlink::ecu::amt::link::AmtLink;
-use jetlink::ecu::zk::link::ZkLink;
+use jetlink::config::EngineConfig;
 use jetlink::engine::Engine;
 use jetlink::event::Event;
 use jetlink::line::Line;
 use jetlink::link::{Link, Output, Transmission};
 use jetlink::report::NotSent;
+use std::ops::{Deref, DerefMut};
 
 /// What a link and an engine have in common, as the runner sees it.
 pub trait Machine {
@@ -22,39 +22,81 @@ pub trait Machine {
     fn supervise(&mut self) {}
 }
 
-macro_rules! machine {
-    ($name:ident, $as:ident, |$machine:ident, $now:ident| $start:expr $(, $supervise:ident)?) => {
-        impl Machine for $name {
-            fn start(&mut self, now: Instant) {
-                let ($machine, $now) = (self, now);
-                $start;
-            }
-            fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
-                $as::receive(self, now, bytes)
-            }
-            fn sent(&mut self, now: Instant) {
-                $as::sent(self, now);
-            }
-            fn not_sent(&mut self, now: Instant, why: NotSent) {
-                $as::not_sent(self, now, why);
-            }
-            fn timeout(&mut self, now: Instant) {
-                $as::timeout(self, now);
-            }
-            fn poll(&mut self) -> Output {
-                $as::compose(self);
-                $as::poll(self)
-            }
-            $(fn supervise(&mut self) {
-                $as::$supervise(self);
-            })?
-        }
-    };
+impl<L: Link> Machine for L {
+    fn start(&mut self, now: Instant) {
+        Link::start(self, now);
+    }
+
+    fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
+        Link::receive(self, now, bytes)
+    }
+
+    fn sent(&mut self, now: Instant) {
+        Link::sent(self, now);
+    }
+
+    fn not_sent(&mut self, now: Instant, why: NotSent) {
+        Link::not_sent(self, now, why);
+    }
+
+    fn timeout(&mut self, now: Instant) {
+        Link::timeout(self, now);
+    }
+
+    fn poll(&mut self) -> Output {
+        self.compose();
+        Link::poll(self)
+    }
 }
 
-machine!(AmtLink, Link, |link, now| Link::start(link, now));
-machine!(ZkLink, Link, |link, now| Link::start(link, now));
-machine!(Engine, Engine, |engine, now| engine.start(now, None), supervise);
+/// An engine on a bench. It acts as the [`Engine`] that it is.
+#[derive(Clone, Debug)]
+pub struct BenchEngine(Engine);
+
+impl Deref for BenchEngine {
+    type Target = Engine;
+
+    fn deref(&self) -> &Engine {
+        &self.0
+    }
+}
+
+impl DerefMut for BenchEngine {
+    fn deref_mut(&mut self) -> &mut Engine {
+        &mut self.0
+    }
+}
+
+impl Machine for BenchEngine {
+    fn start(&mut self, now: Instant) {
+        self.0.start(now, None);
+    }
+
+    fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
+        self.0.receive(now, bytes)
+    }
+
+    fn sent(&mut self, now: Instant) {
+        self.0.sent(now);
+    }
+
+    fn not_sent(&mut self, now: Instant, why: NotSent) {
+        self.0.not_sent(now, why);
+    }
+
+    fn timeout(&mut self, now: Instant) {
+        self.0.timeout(now);
+    }
+
+    fn poll(&mut self) -> Output {
+        self.0.compose();
+        self.0.poll()
+    }
+
+    fn supervise(&mut self) {
+        self.0.supervise();
+    }
+}
 
 /// An instant from microseconds.
 pub fn at_us(micros: u64) -> Instant {
@@ -242,7 +284,14 @@ impl<M: Machine> Bench<M> {
     }
 }
 
-impl<L: Machine + Link> Bench<L> {
+impl Bench<BenchEngine> {
+    /// An engine on its line.
+    pub fn engine(config: &EngineConfig) -> Self {
+        Self::new(BenchEngine(Engine::new(config)), config.line)
+    }
+}
+
+impl<L: Link> Bench<L> {
     /// An order at a time.
     pub fn order(&mut self, t: u64, order: Order) -> Result<(), Rejected> {
         self.run_to_us(t);
