@@ -91,14 +91,23 @@ fn most_urgent(names: &[&str], samples: &[Sample], faults: &[&[Fault]], complete
                 "all engines are shut down and cool; press f to break something".to_owned()
             } else if samples.iter().all(|sample| matches!(sample.stage, Stage::Cooling | Stage::Done)) {
                 "all engines are shut down; they cool to 100 °C, turned by their starters".to_owned()
-            } else if let Some(name) = first(&|sample| sample.stage == Stage::Played) {
-                format!("{name} is played by you; b gives it back")
+            } else if let Some((name, sample)) = all().find(|(_, sample)| sample.stage == Stage::Played) {
+                played(name, sample)
             } else if let Some(name) = first(&|sample| sample.stage == Stage::Cooling) {
                 format!("{name} cools: its starter turns it until the exhaust is below 100 °C")
             } else {
                 "all engines run: steps of throttle and rpm; press f to break something".to_owned()
             }
         }
+    }
+}
+
+/// The line for an engine that was taken from its script.
+fn played(name: &str, sample: &Sample) -> String {
+    match (sample.does.is_stopped() && sample.order == Order::Standby, sample.armed) {
+        (true, false) => format!("{name} is disarmed; d, a and s start it, b begins its script anew"),
+        (true, true) => format!("{name} is armed, in standby; s starts it, b begins its script anew"),
+        (false, _) => format!("{name} is played by you; b gives it back"),
     }
 }
 

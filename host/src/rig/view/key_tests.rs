@@ -4,11 +4,13 @@ use super::super::context::Stage;
 use super::super::message::Message;
 use super::super::options::order;
 use super::super::session;
+use super::keys::{Key, restart};
 use super::model::{Model, Page, Popup};
-use super::tests::{COLOUR, Cli, Keys, buffer, char, pair, press, text};
+use super::tests::{COLOUR, Cli, Keys, Played, buffer, char, pair, press, text};
 use clap::Parser;
 use crossterm::event::{KeyCode, KeyEventKind};
 use embassy_time::Duration;
+use jetlink::engine::state::EngineState;
 use std::cell::RefCell;
 
 #[test]
@@ -19,6 +21,41 @@ fn every_key_is_on_the_help_screen_at_80_by_24() {
     for key in &super::keys::KEYS {
         assert!(screen.contains(key.name) && screen.contains(key.text), "{}: {screen}", key.name);
     }
+    assert!(screen.contains("start after an emergency stop: r y, then d a s"), "{screen}");
+}
+
+/// The keys that the help names for it, after an emergency stop of a cold engine; without any one of them it stays off.
+#[test]
+fn keys_that_the_help_names_start_an_engine_after_an_emergency_stop() {
+    let keys: Vec<&Key> = restart(false).concat();
+    assert_eq!(keys.len(), 5);
+    let story = |played: &Played| {
+        text(&buffer(&played.model, COLOUR, 80, 24)).lines().nth(1).expect("a story").to_owned()
+    };
+    for left_out in [None, Some(0), Some(1), Some(2), Some(3), Some(4)] {
+        let pressed = keys.iter().enumerate().filter(|(i, _)| Some(*i) != left_out);
+        let pressed = pressed.map(|(i, key)| (2.0 + 0.5 * i as f64, press(key.codes[0])));
+        let pressed: Vec<_> = [(1.0, char(' '))].into_iter().chain(pressed).collect();
+        let played = pair(40.0, &pressed, "restart");
+        let sample = played.model.samples[0];
+        assert_eq!(
+            sample.does == EngineState::Running,
+            left_out.is_none(),
+            "{left_out:?}: {:?}",
+            sample.does
+        );
+    }
+    let released: Vec<_> = [(1.0, char(' ')), (2.0, char('r')), (2.5, char('y'))].into();
+    let right = |at: f64| [(at, press(KeyCode::Right)), (at, char('r')), (at, char('y'))];
+    let released = [&released[..], &right(3.0)].concat();
+    let played = pair(5.0, &released, "released");
+    assert_eq!(story(&played), "left is disarmed; d, a and s start it, b begins its script anew");
+    let played = pair(
+        7.0,
+        &[&released[..], &[(5.0, press(KeyCode::Left)), (5.5, char('d')), (6.0, char('a'))]].concat(),
+        "armed",
+    );
+    assert_eq!(story(&played), "left is armed, in standby; s starts it, b begins its script anew");
 }
 
 /// Where the keys move a transmitter they say so.
@@ -28,6 +65,7 @@ fn the_help_of_a_transmitter_names_stick_and_switch() {
     (played.model.popup, played.model.transmitter) = (Some(Popup::Help), true);
     let screen = text(&buffer(&played.model, COLOUR, 80, 24));
     assert!(screen.contains("s      the switch to run allowed"), "{screen}");
+    assert!(screen.contains("start after an emergency stop: t, then s"), "{screen}");
     assert!(screen.contains("Up     the stick 5 % up") && !screen.contains("start: run at idle"), "{screen}");
 }
 
@@ -39,6 +77,7 @@ fn a_scenario_shows_no_key_that_would_do_nothing() {
     let screen = text(&buffer(&played.model, COLOUR, 80, 24));
     assert!(screen.contains("pause, or continue"), "{screen}");
     assert!(screen.contains("Space STOP ALL  ? keys  q end  w why  v wire"), "{screen}");
+    assert!(!screen.contains("start after an emergency stop"), "{screen}");
     assert!(!screen.contains("break something") && !screen.contains("start: run at idle"), "{screen}");
     // Nor in the line that says what happens, while they fly and at the end.
     let mut played = pair(70.0, &[], "scenario-flies");
@@ -99,6 +138,7 @@ fn every_key_is_on_a_page_of_the_help_at_60_by_16() {
     for key in &super::keys::KEYS {
         assert!(pages.contains(key.name) && pages.contains(key.text), "{}: {pages}", key.name);
     }
+    assert!(pages.contains("start after an emergency stop: r y, then d a s"), "{pages}");
 }
 
 /// Also one that nobody has taken from it.

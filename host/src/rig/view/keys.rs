@@ -109,8 +109,8 @@ pub const KEYS: [Key; 28] = [
     key(&[KeyCode::Esc], "Esc", Does::Close, "close what is open", ""),
     key(&[Char('f')], "f", Does::Faults, "break something: faults", "faults"),
     key(&[Char('b')], "b", act(Act::Script), "begin its script anew", "script"),
-    key(&[Char('a')], "a", act(Act::Arm), "arm", ""),
-    key(&[Char('d')], "d", act(Act::Disarm), "disarm", ""),
+    key(&[Char('a')], "a", act(Act::Arm), "arm: allow a start", ""),
+    key(&[Char('d')], "d", act(Act::Disarm), "disarm: allow no start", ""),
     key(&[Char('s')], "s", act(Act::Start), "start: run at idle", "start"),
     key(&[Char('t')], "t", act(Act::Standby), "standby: shut down and cool", "standby"),
     key(&[KeyCode::Up], "Up", Does::Wish(Wish::Step(50)), "demand 5 % up", "demand"),
@@ -158,6 +158,25 @@ pub const FAULTS: [Key; 8] = [
 
 /// While the question is open whether to release the emergency stop.
 pub const RELEASE: [Key; 1] = [key(&[Char('y')], "y", act(Act::Release), "release it", "")];
+
+/// What starts an engine again after an emergency stop, and with a transmitter. Each step is a group of keys.
+const RESTART: &[&[Does]] =
+    &[&[Does::Release, act(Act::Release)], &[act(Act::Disarm), act(Act::Arm), act(Act::Start)]];
+const RESTART_BY_SWITCH: &[&[Does]] = &[&[act(Act::Standby)], &[act(Act::Start)]];
+
+/// The keys that start an engine again after an emergency stop, one after the other: with a transmitter, or without.
+pub fn restart(transmitter: bool) -> Vec<Vec<&'static Key>> {
+    let key = |does: &Does| KEYS.iter().chain(&RELEASE).find(|key| key.does == *does);
+    let steps = if transmitter { RESTART_BY_SWITCH } else { RESTART };
+    steps.iter().map(|step| step.iter().filter_map(key).collect()).collect()
+}
+
+/// The same in words.
+pub fn restart_text(transmitter: bool) -> String {
+    let names = |step: &Vec<&Key>| step.iter().map(|key| key.name).collect::<Vec<_>>().join(" ");
+    let steps: Vec<String> = restart(transmitter).iter().map(names).collect();
+    format!("start after an emergency stop: {}", steps.join(", then "))
+}
 
 /// What a key does in words, where the keys move a transmitter.
 pub fn by_transmitter(key: &Key) -> &'static str {
@@ -264,6 +283,14 @@ mod tests {
         for key in KEYS.iter().chain(&FAULTS).chain(&RELEASE) {
             let row = format!("| `{}` | {} |", key.name, key.text);
             assert!(page.contains(&row), "docs/rig.md lacks {row}");
+        }
+        for transmitter in [false, true] {
+            let names =
+                |step: Vec<&Key>| step.iter().map(|key| format!("`{}`", key.name)).collect::<Vec<_>>();
+            let steps: Vec<String> =
+                restart(transmitter).into_iter().map(|step| names(step).join(" ")).collect();
+            let text = format!("After an emergency stop an engine is started by {}", steps.join(", then "));
+            assert!(page.contains(&text), "docs/rig.md lacks {text}");
         }
     }
 }

@@ -1,6 +1,6 @@
 //! What lies above the screen: the keys, the faults, the question whether to release a stop.
 
-use super::keys::{FAULTS, Key, RELEASE, by_transmitter};
+use super::keys::{FAULTS, Key, RELEASE, by_transmitter, restart_text};
 use super::model::Model;
 use super::theme::{Theme, Tone};
 use ratatui::Frame;
@@ -34,17 +34,25 @@ fn draw(theme: Theme, frame: &mut Frame<'_>, area: Rect, title: &str, lines: Vec
 pub fn help(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
     let mut lines = rows(model, theme, model.keys());
     let wide = lines.iter().map(Line::width).max().unwrap_or(0) + 1;
+    // A scenario plays by itself.
+    let restart = (!model.scenario).then(|| Line::from(format!(" {}", restart_text(model.transmitter))));
     let height = usize::from(area.height.saturating_sub(2)).max(1);
     let half = lines.len().div_ceil(2);
+    let room = height - restart.iter().len();
     model.help_pages.set(1);
-    if lines.len() > height && half <= height && 2 * wide + 2 <= area.width.into() {
+    if lines.len() > room && half <= room && 2 * wide + 2 <= area.width.into() {
         let right = lines.split_off(half);
         for (left, right) in lines.iter_mut().zip(right) {
-            let room = wide.saturating_sub(left.width());
-            left.spans.push(Span::raw(" ".repeat(room)));
+            let between = wide.saturating_sub(left.width());
+            left.spans.push(Span::raw(" ".repeat(between)));
             left.spans.extend(right.spans);
         }
-    } else if lines.len() > height {
+        lines.extend(restart);
+        draw(theme, frame, area, "keys", lines);
+        return;
+    }
+    lines.extend(restart);
+    if lines.len() > height {
         let pages = lines.len().div_ceil(height);
         let page = model.help_page.min(pages - 1);
         model.help_pages.set(pages);
