@@ -16,6 +16,7 @@
 //! - A reply is accepted or rejected as a whole: a late, unsolicited or malformed message is counted
 //!   and changes nothing, not even the time since the last accepted one.
 
+mod any;
 mod command;
 mod telemetry;
 mod temper;
@@ -125,6 +126,7 @@ impl AmtConfig {
     }
 
     /// The same on another line. The period stays the same, because it is not known to change.
+    #[must_use]
     pub fn on(self, line: Line) -> Self {
         Self { line, ..self }
     }

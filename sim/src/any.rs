@@ -1,261 +1,245 @@
-//! An ECU of either protocol behind one interface, and its configuration.
+//! An ECU of any protocol behind one interface, and its configuration.
 
 use core::any::Any;
 use core::fmt;
 
-use crate::amt::{self, AmtConfig, AmtEcu};
+use crate::amt::{self, AmtConfig};
 use crate::ecu::{Counts, Ecu, LineFault, Nanos};
 use crate::line::Line;
+use crate::protocols::protocols;
 use crate::turbine::{Parameters, Phase, Turbine};
-use crate::zk::{ZkConfig, ZkEcu};
+use crate::vendor::{VendorConfig as _, VendorEcu as _};
+use crate::zk::ZkConfig;
 
-/// Protocol of an ECU.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Protocol {
-    /// AMT.
-    Amt,
-    /// ZK.
-    Zk,
-}
-
-impl Protocol {
-    /// Whether the ECU's frames have a checksum.
-    pub const fn has_checksum(self) -> bool {
-        match self {
-            Self::Amt => false,
-            Self::Zk => true,
+macro_rules! any {
+    ($($(#[$doc:meta])* $name:ident($config:ty, $ecu:ty, $command:ty);)+) => {
+        /// Protocol of an ECU.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum Protocol {
+            $($(#[$doc])* $name,)+
         }
-    }
 
-    /// Whether the ECU waits for a reply to each of its frames.
-    pub const fn has_reply_window(self) -> bool {
-        match self {
-            Self::Amt => true,
-            Self::Zk => false,
+        impl Protocol {
+            /// Whether the ECU's frames have a checksum.
+            pub const fn has_checksum(self) -> bool {
+                match self {
+                    $(Self::$name => <$config>::HAS_CHECKSUM,)+
+                }
+            }
+
+            /// Whether the ECU waits for a reply to each of its frames.
+            pub const fn has_reply_window(self) -> bool {
+                match self {
+                    $(Self::$name => <$config>::HAS_REPLY_WINDOW,)+
+                }
+            }
         }
-    }
-}
 
-/// Configuration of an ECU of either protocol.
-#[derive(Clone, Debug)]
-pub enum AnyConfig {
-    /// AMT.
-    Amt(AmtConfig),
-    /// ZK.
-    Zk(ZkConfig),
+        /// Configuration of an ECU of any protocol.
+        #[derive(Clone, Debug)]
+        pub enum AnyConfig {
+            $($(#[$doc])* $name($config),)+
+        }
+
+        impl AnyConfig {
+            /// Its protocol.
+            pub const fn protocol(&self) -> Protocol {
+                match self {
+                    $(Self::$name(_) => Protocol::$name,)+
+                }
+            }
+
+            /// The same on another line.
+            #[must_use]
+            pub fn on(self, line: Line) -> Self {
+                match self {
+                    $(Self::$name(config) => Self::$name(config.on(line)),)+
+                }
+            }
+
+            /// The same with a log of this many obeyed commands.
+            #[must_use]
+            pub fn with_log(self, log: usize) -> Self {
+                match self {
+                    $(Self::$name(config) => Self::$name(config.with_log(log)),)+
+                }
+            }
+
+            /// The same with this reply window, where it has one.
+            #[must_use]
+            pub fn with_reply_window(self, reply_window: Nanos) -> Self {
+                match self {
+                    $(Self::$name(config) => Self::$name(config.with_reply_window(reply_window)),)+
+                }
+            }
+
+            /// The figures of its turbine.
+            pub fn turbine(&self) -> &Parameters {
+                match self {
+                    $(Self::$name(config) => config.turbine(),)+
+                }
+            }
+
+            /// The same, mutable.
+            pub fn turbine_mut(&mut self) -> &mut Parameters {
+                match self {
+                    $(Self::$name(config) => config.turbine_mut(),)+
+                }
+            }
+
+            /// The ECU, not yet powered.
+            pub fn ecu(self) -> AnyEcu {
+                match self {
+                    $(Self::$name(config) => config.ecu().into(),)+
+                }
+            }
+        }
+
+        /// Its kind, for people.
+        impl fmt::Display for AnyConfig {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                match self {
+                    $(Self::$name(config) => config.fmt(f),)+
+                }
+            }
+        }
+
+        /// An ECU of any protocol.
+        #[derive(Debug)]
+        pub enum AnyEcu {
+            $($(#[$doc])* $name(Box<$ecu>),)+
+        }
+
+        impl AnyEcu {
+            /// The turbine.
+            pub fn turbine(&self) -> &Turbine {
+                match self {
+                    $(Self::$name(ecu) => ecu.turbine(),)+
+                }
+            }
+
+            /// The turbine, to make it fail.
+            pub fn turbine_mut(&mut self) -> &mut Turbine {
+                match self {
+                    $(Self::$name(ecu) => ecu.turbine_mut(),)+
+                }
+            }
+
+            /// Its protocol.
+            pub const fn protocol(&self) -> Protocol {
+                match self {
+                    $(Self::$name(_) => Protocol::$name,)+
+                }
+            }
+
+            /// Numbers of good control frames so far, and of everything else: damaged frames, and bytes outside of frames.
+            pub fn received(&self) -> (u64, u64) {
+                match self {
+                    $(Self::$name(ecu) => ecu.received(),)+
+                }
+            }
+
+            /// Its counters since its creation.
+            pub fn counts(&self) -> Counts {
+                match self {
+                    $(Self::$name(ecu) => ecu.counts(),)+
+                }
+            }
+
+            /// What a host that keeps to the protocol never causes, in sentences.
+            pub fn host_faults(&self) -> Vec<&'static str> {
+                match self {
+                    $(Self::$name(ecu) => ecu.host_faults(),)+
+                }
+            }
+
+            /// It reports a low supply from now on, or no more, if the protocol has such a fault.
+            pub fn report_low_supply(&mut self, low: bool) {
+                match self {
+                    $(Self::$name(ecu) => ecu.report_low_supply(low),)+
+                }
+            }
+
+            /// Good control frames that its version does not know, where the protocol has versions.
+            pub fn unknown_to_version(&self) -> u64 {
+                match self {
+                    $(Self::$name(ecu) => ecu.unknown_to_version(),)+
+                }
+            }
+
+            /// The ECU inside.
+            pub fn inner(&self) -> &dyn Any {
+                match self {
+                    $(Self::$name(ecu) => &**ecu,)+
+                }
+            }
+
+            /// The same, mutable.
+            pub fn inner_mut(&mut self) -> &mut dyn Any {
+                match self {
+                    $(Self::$name(ecu) => &mut **ecu,)+
+                }
+            }
+        }
+
+        impl Ecu for AnyEcu {
+            fn next_wake(&self) -> Nanos {
+                match self {
+                    $(Self::$name(ecu) => ecu.next_wake(),)+
+                }
+            }
+
+            fn advance(&mut self, now: Nanos, tx: &mut Vec<u8>) {
+                match self {
+                    $(Self::$name(ecu) => ecu.advance(now, tx),)+
+                }
+            }
+
+            fn receive(&mut self, now: Nanos, byte: Result<u8, LineFault>) {
+                match self {
+                    $(Self::$name(ecu) => ecu.receive(now, byte),)+
+                }
+            }
+
+            fn power(&mut self, now: Nanos, on: bool) {
+                match self {
+                    $(Self::$name(ecu) => ecu.power(now, on),)+
+                }
+            }
+        }
+
+        $(
+            impl From<$config> for AnyConfig {
+                fn from(config: $config) -> Self {
+                    Self::$name(config)
+                }
+            }
+
+            impl From<$ecu> for AnyEcu {
+                fn from(ecu: $ecu) -> Self {
+                    Self::$name(Box::new(ecu))
+                }
+            }
+        )+
+    };
 }
+protocols!(any);
 
 impl AnyConfig {
     /// The AMT ECU of this engine at 2400 baud.
     pub fn amt(engine: amt::EngineModel) -> Self {
-        Self::Amt(AmtConfig::new(engine))
+        AmtConfig::new(engine).into()
     }
 
     /// A ZK ECU of this protocol version.
     pub fn zk(version: u8) -> Self {
-        Self::Zk(ZkConfig::new(version))
+        ZkConfig::new(version).into()
     }
-
-    /// Its protocol.
-    pub const fn protocol(&self) -> Protocol {
-        match self {
-            Self::Amt(_) => Protocol::Amt,
-            Self::Zk(_) => Protocol::Zk,
-        }
-    }
-
-    /// The same on another line.
-    #[must_use]
-    pub fn on(self, line: Line) -> Self {
-        match self {
-            Self::Amt(config) => Self::Amt(config.on(line)),
-            Self::Zk(config) => Self::Zk(config.on(line)),
-        }
-    }
-
-    /// The same with a log of this many obeyed commands.
-    #[must_use]
-    pub fn with_log(self, log: usize) -> Self {
-        match self {
-            Self::Amt(config) => Self::Amt(AmtConfig { log, ..config }),
-            Self::Zk(config) => Self::Zk(ZkConfig { log, ..config }),
-        }
-    }
-
-    /// The same with this reply window, where it has one.
-    #[must_use]
-    pub fn with_reply_window(self, reply_window: Nanos) -> Self {
-        match self {
-            Self::Amt(config) => Self::Amt(AmtConfig { reply_window, ..config }),
-            Self::Zk(_) => self,
-        }
-    }
-
-    /// The figures of its turbine.
-    pub const fn turbine(&self) -> &Parameters {
-        match self {
-            Self::Amt(config) => &config.turbine,
-            Self::Zk(config) => &config.turbine,
-        }
-    }
-
-    /// The same, mutable.
-    pub const fn turbine_mut(&mut self) -> &mut Parameters {
-        match self {
-            Self::Amt(config) => &mut config.turbine,
-            Self::Zk(config) => &mut config.turbine,
-        }
-    }
-
-    /// The ECU, not yet powered.
-    pub fn ecu(self) -> AnyEcu {
-        match self {
-            Self::Amt(config) => AmtEcu::new(config).into(),
-            Self::Zk(config) => ZkEcu::new(config).into(),
-        }
-    }
-}
-
-/// Its kind, for people.
-impl fmt::Display for AnyConfig {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Amt(config) => write!(f, "AMT {}", config.engine),
-            Self::Zk(config) => write!(f, "ZK version {}", config.version),
-        }
-    }
-}
-
-impl From<AmtConfig> for AnyConfig {
-    fn from(config: AmtConfig) -> Self {
-        Self::Amt(config)
-    }
-}
-
-impl From<ZkConfig> for AnyConfig {
-    fn from(config: ZkConfig) -> Self {
-        Self::Zk(config)
-    }
-}
-
-/// An ECU of either protocol.
-#[derive(Debug)]
-pub enum AnyEcu {
-    /// AMT.
-    Amt(Box<AmtEcu>),
-    /// ZK.
-    Zk(Box<ZkEcu>),
 }
 
 impl AnyEcu {
-    /// The turbine.
-    pub fn turbine(&self) -> &Turbine {
-        match self {
-            Self::Amt(ecu) => ecu.turbine(),
-            Self::Zk(ecu) => ecu.turbine(),
-        }
-    }
-
-    /// The turbine, to make it fail.
-    pub fn turbine_mut(&mut self) -> &mut Turbine {
-        match self {
-            Self::Amt(ecu) => ecu.turbine_mut(),
-            Self::Zk(ecu) => ecu.turbine_mut(),
-        }
-    }
-
-    /// Its protocol.
-    pub const fn protocol(&self) -> Protocol {
-        match self {
-            Self::Amt(_) => Protocol::Amt,
-            Self::Zk(_) => Protocol::Zk,
-        }
-    }
-
     /// State of the turbine.
     pub fn phase(&self) -> Phase {
         self.turbine().phase()
-    }
-
-    /// Numbers of good control frames so far, and of everything else: damaged frames, and bytes outside of frames.
-    pub const fn received(&self) -> (u64, u64) {
-        match self {
-            Self::Amt(ecu) => (ecu.stats.valid, ecu.stats.bad.total() + ecu.stats.stray_bytes),
-            Self::Zk(ecu) => (ecu.stats.accepted, ecu.stats.bad.total() + ecu.stats.stray_bytes),
-        }
-    }
-
-    /// Its counters since its creation.
-    pub fn counts(&self) -> Counts {
-        match self {
-            Self::Amt(ecu) => ecu.stats.counts(),
-            Self::Zk(ecu) => ecu.stats.counts(),
-        }
-    }
-
-    /// What a host that keeps to the protocol never causes, in sentences.
-    pub fn host_faults(&self) -> Vec<&'static str> {
-        match self {
-            Self::Amt(ecu) => ecu.stats.host_faults(),
-            Self::Zk(ecu) => ecu.stats.host_faults(),
-        }
-    }
-
-    /// The [`AmtEcu`] or [`ZkEcu`] inside.
-    pub fn inner(&self) -> &dyn Any {
-        match self {
-            Self::Amt(ecu) => &**ecu,
-            Self::Zk(ecu) => &**ecu,
-        }
-    }
-
-    /// The same, mutable.
-    pub fn inner_mut(&mut self) -> &mut dyn Any {
-        match self {
-            Self::Amt(ecu) => &mut **ecu,
-            Self::Zk(ecu) => &mut **ecu,
-        }
-    }
-}
-
-impl From<AmtEcu> for AnyEcu {
-    fn from(ecu: AmtEcu) -> Self {
-        Self::Amt(Box::new(ecu))
-    }
-}
-
-impl From<ZkEcu> for AnyEcu {
-    fn from(ecu: ZkEcu) -> Self {
-        Self::Zk(Box::new(ecu))
-    }
-}
-
-impl Ecu for AnyEcu {
-    fn next_wake(&self) -> Nanos {
-        match self {
-            Self::Amt(ecu) => ecu.next_wake(),
-            Self::Zk(ecu) => ecu.next_wake(),
-        }
-    }
-
-    fn advance(&mut self, now: Nanos, tx: &mut Vec<u8>) {
-        match self {
-            Self::Amt(ecu) => ecu.advance(now, tx),
-            Self::Zk(ecu) => ecu.advance(now, tx),
-        }
-    }
-
-    fn receive(&mut self, now: Nanos, byte: Result<u8, LineFault>) {
-        match self {
-            Self::Amt(ecu) => ecu.receive(now, byte),
-            Self::Zk(ecu) => ecu.receive(now, byte),
-        }
-    }
-
-    fn power(&mut self, now: Nanos, on: bool) {
-        match self {
-            Self::Amt(ecu) => ecu.power(now, on),
-            Self::Zk(ecu) => ecu.power(now, on),
-        }
     }
 }

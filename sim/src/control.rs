@@ -1,19 +1,17 @@
 //! Control frames, from the host to an ECU: found among the bytes of a line, and their content in the terms of
 //! any protocol. Whatever watches a line reads it with this: the rig, the judges of random worlds, tests.
 
-use crate::amt::AmtCommand;
 use crate::any::Protocol;
 use crate::ecu::Nanos;
 use crate::frame::{self, ControlFrame};
+use crate::protocols::protocols;
 use crate::wire::Entry;
-use crate::zk::ZkCommand;
 use core::fmt;
 
 pub use crate::frame::Switch;
 
-/// A line for each protocol: its variant, and its command.
 macro_rules! control {
-    ($($(#[$doc:meta])* $name:ident($command:ty);)+) => {
+    ($($(#[$doc:meta])* $name:ident($config:ty, $ecu:ty, $command:ty);)+) => {
         /// Bytes of the longest control frame.
         pub const LONGEST: usize = {
             let (lengths, mut longest, mut i) = ([$(frame::length::<$command>()),+], 0, 0);
@@ -123,7 +121,7 @@ macro_rules! control {
 
         impl Reader {
             /// Finds frames as an ECU does, and skips everything else: 0xFF begins every AMT message and occurs nowhere else in
-            /// one; four bytes with the head and the right CRC are a ZK frame.
+            /// one; four bytes with the head and the right CRC are a ZK frame. Another protocol has its own rule in [`ControlFrame`].
             pub const fn new(protocol: Protocol) -> Self {
                 Self(match protocol {
                     $(Protocol::$name => AnyReader::$name(frame::Reader::new()),)+
@@ -163,12 +161,7 @@ macro_rules! control {
     };
 }
 
-control! {
-    /// AMT.
-    Amt(AmtCommand);
-    /// ZK.
-    Zk(ZkCommand);
-}
+protocols!(control);
 
 impl Command {
     /// The throttle in 0.1 %, if the switch is run.
@@ -227,7 +220,7 @@ impl Reader {
 mod tests {
     use super::*;
     use crate::wire::{Direction, Fate};
-    use crate::zk::{self, Sw};
+    use crate::zk::{self, Sw, ZkCommand};
 
     const BYTE: Nanos = 100_000;
 

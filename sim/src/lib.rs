@@ -10,8 +10,8 @@
 //! - [`ecu`]: the interface between an ECU and its line: bytes and times, no IO.
 //! - [`wire`]: the two directions between one UART of the node and one ECU, with faults on demand.
 //! - [`turbine`]: a plausible single-spool turbine.
-//! - [`amt`], [`zk`]: the two kinds of ECU; [`any`](mod@any): either of them, and its configuration.
-//! - [`frame`]: what a protocol's control frames are; [`control`]: finds and reads those of either.
+//! - [`amt`], [`zk`]: the two kinds of ECU; [`any`](mod@any): any of them, and its configuration; [`vendor`]: what each provides.
+//! - [`frame`]: what a protocol's control frames are; [`control`]: finds and reads those of any.
 //! - [`receiver`]: what receivers of radio control send.
 //! - [`log`]: the commands that an ECU has obeyed, with their times.
 
@@ -25,7 +25,9 @@ pub mod ecu;
 pub mod frame;
 pub mod line;
 pub mod log;
+mod protocols;
 pub mod receiver;
 pub mod turbine;
+pub mod vendor;
 pub mod wire;
 pub mod zk;

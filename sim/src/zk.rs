@@ -26,6 +26,7 @@
 //! - ID 4 and 5 without ID 3 directly before are not answered ("ECU will not respond").
 //! - Rate, ignition voltage and curve survive a loss of power; nothing else of the control does.
 
+mod any;
 mod command;
 mod config;
 mod session;

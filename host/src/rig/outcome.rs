@@ -23,6 +23,8 @@ pub struct Outcome {
     pub has_pilot: bool,
     /// The engine's name.
     pub name: &'static str,
+    /// Its ECU waits for a reply to each of its frames; to another one the node sends in slots.
+    pub has_reply_window: bool,
     /// What the pilot did not reach; `None` when it was cut short.
     pub flown: Option<Result<(), String>>,
     /// Something was done to it by hand: what no pilot can cause.

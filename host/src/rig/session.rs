@@ -201,6 +201,7 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
                 Outcome {
                     has_pilot: !setup.is_commanded(),
                     name: context.engine.name(),
+                    has_reply_window: context.engine.ecu.protocol().has_reply_window(),
                     // A pilot that has given up still waits for its engine to cool.
                     flown: flown.or_else(|| context.failure.borrow().clone().map(Err)),
                     played: player.verdict(i),

@@ -101,7 +101,10 @@ pub fn rows(outcomes: &Outcomes) -> Vec<(&'static str, Vec<String>)> {
         rows.push((head, engines.iter().map(cell).collect()));
     };
     let dash = || "-".to_owned();
-    let amt = |outcome: &Outcome, text: String| if is_amt(outcome) { text } else { dash() };
+    let of_window = |outcome: &Outcome, count: u64| match outcome.has_reply_window {
+        true => count.to_string(),
+        false => dash(),
+    };
 
     row("", &|o| o.name.to_owned());
     row("targets reached", &|o| {
@@ -119,14 +122,16 @@ pub fn rows(outcomes: &Outcomes) -> Vec<(&'static str, Vec<String>)> {
     row("commands sent by the node", &|o| o.audit.frames.to_string());
     row("commands accepted by ECU", &|o| o.ecu.accepted.to_string());
     row("unsolicited commands", &|o| if o.audit.judged { o.audit.not_given.to_string() } else { dash() });
-    row("replies inside the window", &|o| amt(o, o.ecu.in_window.to_string()));
-    row("replies outside the window", &|o| amt(o, o.ecu.late.to_string()));
-    row("windows without a reply", &|o| amt(o, o.ecu.unanswered.to_string()));
+    row("replies inside the window", &|o| of_window(o, o.ecu.in_window));
+    row("replies outside the window", &|o| of_window(o, o.ecu.late));
+    row("windows without a reply", &|o| of_window(o, o.ecu.unanswered));
     row("worst reply margin", &|o| o.ecu.worst_margin.map(Duration::from_nanos).map_or_else(dash, millis));
     row("worst cadence error", &|o| {
         o.audit.worst_cadence_error.map_or_else(dash, |error| millis(Duration::from_nanos(error)))
     });
-    row("missed send slots", &|o| if is_amt(o) { dash() } else { o.node.send_slots_missed.to_string() });
+    row("missed send slots", &|o| {
+        if o.has_reply_window { dash() } else { o.node.send_slots_missed.to_string() }
+    });
     row("decode errors of the node", &|o| decode_errors(&o.node).to_string());
     row("bad commands at the ECU", &|o| o.ecu.bad.to_string());
     row("commands rejected", &|o| o.commands_rejected.to_string());
@@ -164,7 +169,7 @@ pub fn text(outcomes: &Outcomes, problems: &[String], ended_by: Option<EndedBy>,
     }
 
     text.push('\n');
-    if engines.iter().any(is_amt) {
+    if engines.iter().any(|outcome| outcome.has_reply_window) {
         let windows: u64 = engines.iter().map(|outcome| outcome.ecu.in_window).sum();
         let missed: u64 = engines.iter().map(missed).sum();
         let worst =
@@ -226,11 +231,6 @@ fn over(outcomes: &Outcomes) -> &'static str {
         }
         (false, false) => "NOT JUDGED: commands came from outside, and faults were on the lines.",
     }
-}
-
-/// Only AMT ECUs have windows for replies.
-const fn is_amt(outcome: &Outcome) -> bool {
-    outcome.audit.worst_cadence_error.is_none()
 }
 
 fn missed(outcome: &Outcome) -> u64 {

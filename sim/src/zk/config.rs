@@ -119,6 +119,7 @@ impl ZkConfig {
     }
 
     /// The same on another line.
+    #[must_use]
     pub fn on(self, line: Line) -> Self {
         Self { line, ..self }
     }

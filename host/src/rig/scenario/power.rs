@@ -7,7 +7,6 @@ use super::context::{CommandSource, ScenarioContext};
 use embassy_time::Duration;
 use jetlink::command::{Accepted, Rejected};
 use jetlink::event::Event;
-use sim::any::AnyEcu;
 use sim::ecu::{MILLIS, Nanos, SECOND};
 use sim::zk::{ZkConfig, ZkEcu};
 
@@ -153,7 +152,7 @@ async fn reset(c: &ScenarioContext<'_>, away: f64) {
 
 pub async fn brown_out(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.fly(60).await?;
-    c.ecu(1, |ecu| report_low_supply(ecu, true));
+    c.ecu(1, |ecu| ecu.report_low_supply(true));
     c.sleep(5.0).await;
     c.event();
     c.mark("the node's supply dips for 0.3 s, its memory survives");
@@ -197,16 +196,8 @@ pub async fn brown_out(c: &ScenarioContext<'_>) -> Result<(), String> {
         );
     }
     c.arm();
-    c.ecu(1, |ecu| report_low_supply(ecu, false));
+    c.ecu(1, |ecu| ecu.report_low_supply(false));
     c.shut_down().await
-}
-
-/// An AMT ECU sends error sets meanwhile, which report no state of its engine.
-fn report_low_supply(ecu: &mut AnyEcu, low: bool) {
-    match ecu {
-        AnyEcu::Amt(ecu) => ecu.set_errors(if low { sim::amt::error::SUPPLY_LOW } else { 0 }),
-        AnyEcu::Zk(_) => {}
-    }
 }
 
 pub async fn ecu_swapped(c: &ScenarioContext<'_>) -> Result<(), String> {
@@ -233,14 +224,15 @@ pub async fn ecu_swapped(c: &ScenarioContext<'_>) -> Result<(), String> {
         c.cut(i, false);
     }
     c.sleep(4.0).await;
-    let unknown: Vec<u64> = (0..c.count()).map(|i| unknown_to(c, i)).collect();
+    let unknown_to = |i| c.ecu(i, |ecu| ecu.unknown_to_version());
+    let unknown: Vec<u64> = (0..c.count()).map(unknown_to).collect();
     c.sleep(6.0).await;
     let end = c.now();
     c.look();
     for i in 0..c.count() {
         let name = c.name(i);
         c.must(
-            unknown.get(i) == Some(&unknown_to(c, i)),
+            unknown.get(i) == Some(&unknown_to(i)),
             format!("{name}: once its version is known, every frame is one that the new ECU knows"),
         );
         c.must(
@@ -283,12 +275,4 @@ pub async fn ecu_swapped(c: &ScenarioContext<'_>) -> Result<(), String> {
         );
     }
     c.shut_down().await
-}
-
-/// Frames that a ZK ECU has received and does not know in its version.
-fn unknown_to(c: &ScenarioContext<'_>, engine: usize) -> u64 {
-    c.ecu(engine, |ecu| match ecu {
-        AnyEcu::Zk(ecu) => ecu.stats.ignored.version,
-        AnyEcu::Amt(_) => 0,
-    })
 }
