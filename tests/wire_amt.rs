@@ -30,9 +30,9 @@ fn stats(bench: &Bench<AmtEcu>) -> Stats {
 
 /// The messages that the node put on the wire.
 fn messages(record: &[Entry]) -> Vec<(u64, sim::amt::AmtCommand)> {
-    let amt = |(at, command)| match command {
-        control::Command::Amt(message) => (at, message),
-        control::Command::Zk(_) => unreachable!("read as AMT"),
+    let amt = |(at, command)| {
+        let control::Command::Amt(message) = command else { unreachable!("read as AMT") };
+        (at, message)
     };
     control_frames(Protocol::Amt, record).into_iter().map(amt).collect()
 }

@@ -35,9 +35,9 @@ fn stats(bench: &Bench<ZkEcu>) -> Stats {
 
 /// The commands that the node put on the wire.
 fn commands(record: &[Entry]) -> Vec<(u64, ZkCommand)> {
-    let zk = |(at, command)| match command {
-        control::Command::Zk(command) => (at, command),
-        control::Command::Amt(_) => unreachable!("read as ZK"),
+    let zk = |(at, command)| {
+        let control::Command::Zk(command) = command else { unreachable!("read as ZK") };
+        (at, command)
     };
     control_frames(Protocol::Zk, record).into_iter().map(zk).collect()
 }

@@ -26,7 +26,7 @@ const BUFFER: usize = 64 * 1024;
 /// Reads raw bytes as captured on the ECU's TX line and prints one JSON object a line to standard output for
 /// every frame, in the order of the bytes. A summary for people goes to standard error.
 #[derive(clap::Args, Debug)]
-#[command(after_long_help = HELP)]
+#[command(after_long_help = help())]
 pub struct Args {
     /// Protocol of the ECU.
     #[arg(long, value_enum)]
@@ -40,30 +40,15 @@ pub struct Args {
     file: Option<PathBuf>,
 }
 
-const HELP: &str = "\
+/// Before and behind the fields of all protocols.
+const HELP: [&str; 2] = [
+    "\
 Output:
   Every object has offset (of the frame's first byte in the input), protocol, frame and raw (the frame's
   bytes in hex). The further fields by frame:
 
-  zk
-    every frame  rpm
-    status-1     state_code state error_code error switch_code switch egt_c
-    status-2     radio_v power_v pump_v
-    status-3     throttle_pct pressure_pa
-    status-4     current_a thrust_kg
-    status-5     ignition_pump_v curve_increase curve_decrease
-    status-6     max_rpm max_pump_v protocol_version rate_hz
-    status-7     flow_l_min fuel_l
-    status-8     idle_rpm pressure_requested closed_loop startup_s
-    status-9     ecu_c
-    unknown-N    none: another ID with a good CRC
-  amt
-    normal       engine switch state_code state rpm egt_c throttle_pct vout_v
-    error        engine errors error_bits egt_c throttle_pct vout_v
-    alternate    engine_code engine idle_v max_v battery_v external_v
-    setup        pw_min_us pw_max_us version date engine
-    unknown      none: a kind that the document does not name
-
+",
+    "
   Values are in the unit of their name, exact to the protocol's own step. A value that cannot be known is
   null and never left out: a voltage while the engine or the ZK version is not known, a scale that the
   document does not give, a field of a ZK version newer than the one known. The bytes are always in raw.
@@ -80,7 +65,12 @@ Examples:
   jetlink decode --protocol zk docs/captures/zk-simulated.bin
   jetlink decode --protocol amt docs/captures/amt-simulated.bin | jq 'select(.frame == \"alternate\")'
   stty -F /dev/ttyUSB0 9600 cs8 -parenb -cstopb raw -echo    (the baud rate and stop bits of your ECU)
-  cat /dev/ttyUSB0 | jetlink decode --protocol zk";
+  cat /dev/ttyUSB0 | jetlink decode --protocol zk",
+];
+
+fn help() -> String {
+    HELP.join(&Protocol::all().map(Protocol::fields).collect::<String>())
+}
 
 /// Runs it.
 pub fn run(args: Args) -> ExitCode {

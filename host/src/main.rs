@@ -4,7 +4,6 @@
 mod decode;
 mod decode_hint;
 mod json;
-mod protocols;
 mod rig;
 mod telemetry;
 

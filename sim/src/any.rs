@@ -6,13 +6,12 @@ use core::fmt;
 use crate::amt::{self, AmtConfig};
 use crate::ecu::{Counts, Ecu, LineFault, Nanos};
 use crate::line::Line;
-use crate::protocols::protocols;
 use crate::turbine::{Parameters, Phase, Turbine};
 use crate::vendor::{VendorConfig as _, VendorEcu as _};
 use crate::zk::ZkConfig;
 
 macro_rules! any {
-    ($($(#[$doc:meta])* $name:ident($config:ty, $ecu:ty, $command:ty);)+) => {
+    ($($(#[$doc:meta])* $name:ident $module:ident($config:ty, $ecu:ty, $command:ty);)+) => {
         /// Protocol of an ECU.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum Protocol {
@@ -223,7 +222,7 @@ macro_rules! any {
         )+
     };
 }
-protocols!(any);
+crate::protocols!(any);
 
 impl AnyConfig {
     /// The AMT ECU of this engine at 2400 baud.

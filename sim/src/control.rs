@@ -4,14 +4,13 @@
 use crate::any::Protocol;
 use crate::ecu::Nanos;
 use crate::frame::{self, ControlFrame};
-use crate::protocols::protocols;
 use crate::wire::Entry;
 use core::fmt;
 
 pub use crate::frame::Switch;
 
 macro_rules! control {
-    ($($(#[$doc:meta])* $name:ident($config:ty, $ecu:ty, $command:ty);)+) => {
+    ($($(#[$doc:meta])* $name:ident $module:ident($config:ty, $ecu:ty, $command:ty);)+) => {
         /// Bytes of the longest control frame.
         pub const LONGEST: usize = {
             let (lengths, mut longest, mut i) = ([$(frame::length::<$command>()),+], 0, 0);
@@ -161,7 +160,7 @@ macro_rules! control {
     };
 }
 
-protocols!(control);
+crate::protocols!(control);
 
 impl Command {
     /// The throttle in 0.1 %, if the switch is run.

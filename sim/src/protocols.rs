@@ -1,15 +1,16 @@
-//! The simulated protocols: a line for each.
+//! The protocols: a line for each. Whatever has something for every protocol is made from this table: this package, the program
+//! `jetlink`, and the judges of random worlds.
 
-/// Calls a macro with each protocol: its variant in [`any`](crate::any) and [`control`](crate::control), the configuration of its
-/// ECU, the ECU, and the command in its control frames.
+/// Calls a macro with each protocol: its variant, its module, the configuration of its simulated ECU, the ECU, and the command in its
+/// control frames. The text is that of `jetlink decode --help`.
+#[macro_export]
 macro_rules! protocols {
     ($make:ident) => {
         $make! {
-            /// AMT.
-            Amt($crate::amt::AmtConfig, $crate::amt::AmtEcu, $crate::amt::AmtCommand);
-            /// ZK.
-            Zk($crate::zk::ZkConfig, $crate::zk::ZkEcu, $crate::zk::ZkCommand);
+            /// AMT serial control: Mercury, Pegasus, Olympus, Titan, Nike, Lynx, Orion.
+            Amt amt($crate::amt::AmtConfig, $crate::amt::AmtEcu, $crate::amt::AmtCommand);
+            /// ZK-Protocol.
+            Zk zk($crate::zk::ZkConfig, $crate::zk::ZkEcu, $crate::zk::ZkCommand);
         }
     };
 }
-pub(crate) use protocols;

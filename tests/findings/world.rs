@@ -325,16 +325,16 @@ impl<const N: usize> World<N> {
     }
 
     pub fn zk(&self, act: impl FnOnce(&mut ZkEcu)) {
-        self.plugs[0].ecu(|ecu| match ecu {
-            AnyEcu::Zk(ecu) => act(ecu),
-            AnyEcu::Amt(_) => panic!("an AMT ECU"),
+        self.plugs[0].ecu(|ecu| {
+            let AnyEcu::Zk(ecu) = ecu else { panic!("no ZK ECU") };
+            act(ecu);
         });
     }
 
     pub fn amt(&self, act: impl FnOnce(&mut AmtEcu)) {
-        self.plugs[0].ecu(|ecu| match ecu {
-            AnyEcu::Amt(ecu) => act(ecu),
-            AnyEcu::Zk(_) => panic!("a ZK ECU"),
+        self.plugs[0].ecu(|ecu| {
+            let AnyEcu::Amt(ecu) = ecu else { panic!("no AMT ECU") };
+            act(ecu);
         });
     }
 

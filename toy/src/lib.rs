@@ -5,6 +5,7 @@
 //! The simulated toy ECU and the tests are in `tests/it/`.
 #![no_std]
 #![forbid(unsafe_code)]
+#![deny(missing_docs, missing_debug_implementations)]
 
 #[path = "../../jetlink/src/channel.rs"]
 pub mod channel;

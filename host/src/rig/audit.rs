@@ -22,7 +22,6 @@ mod zk;
 
 use super::engines::Engine;
 use super::simulated::parameters;
-use crate::protocols::protocols;
 use jetlink::command::{Demand, Order};
 use sim::control::{self, Command, Found, Reader};
 use sim::ecu::{MILLIS, Nanos, SECOND};
@@ -205,7 +204,7 @@ pub struct Audit {
 }
 
 macro_rules! judges {
-    ($($(#[$doc:meta])* $name:ident $module:ident;)+) => {
+    ($($(#[$doc:meta])* $name:ident $module:ident($config:ty, $ecu:ty, $command:ty);)+) => {
         /// The judges of all protocols for one engine.
         #[derive(Clone, Debug)]
         struct Judges {
@@ -243,7 +242,7 @@ macro_rules! judges {
         }
     };
 }
-protocols!(judges);
+sim::protocols!(judges);
 
 impl Audit {
     /// For this engine's line. The node begins by listening, and the ECU obeys no run.

@@ -5,7 +5,6 @@ mod description;
 mod zk;
 
 use self::description::{Described, Description};
-use crate::protocols::protocols;
 use embassy_time::Duration;
 use jetlink::config::{EngineConfig, validate};
 use sim::any::{AnyConfig, Protocol};
@@ -80,7 +79,7 @@ impl Engine {
 }
 
 macro_rules! ecus {
-    ($($(#[$doc:meta])* $name:ident $module:ident;)+) => {
+    ($($(#[$doc:meta])* $name:ident $module:ident($config:ty, $ecu:ty, $command:ty);)+) => {
         /// The simulated ECU.
         #[derive(Clone, Copy, PartialEq, Eq, Debug)]
         pub enum Ecu {
@@ -147,9 +146,12 @@ macro_rules! ecus {
         /// The protocols, each with the keys of its own.
         const PROTOCOLS: [(&str, &[&str]); [$(stringify!($module)),+].len()] =
             [$((stringify!($module), $module::Ecu::KEYS)),+];
+
+        /// The keys of each in words, for the help.
+        pub const HELP: &[&str] = &[$($module::Ecu::HELP),+];
     };
 }
-protocols!(ecus);
+sim::protocols!(ecus);
 
 impl Ecu {
     /// Its protocol.

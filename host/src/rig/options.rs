@@ -14,8 +14,8 @@ use super::scenario::Scenario;
 use super::session::Setup;
 use embassy_time::{Duration, Instant};
 
-/// What `--help` says beyond the options.
-const HELP: &str = "\
+/// What `--help` says beyond the options, before and behind the keys of all protocols.
+const HELP: [&str; 2] = ["\
 What it does:
   Joins the node to one simulated ECU and turbine for each engine, takes every engine through standby, start,
   idle, steps of throttle or rpm, shutdown and cooling, and judges each by what the ECU reports. On a terminal a
@@ -37,12 +37,7 @@ Summary:
                        of the control mode, are sent ahead of their slot and do not count
 
 Engines:
-  --engine name=left,ecu=amt,engine=olympus,baud=2400
-      engine: mercury, pegasus, olympus (default), titan, nike, lynx
-      baud: default 2400
-  --engine name=centre,ecu=zk,version=4,baud=9600,stop=1,rate=20,mode=throttle
-      version: 1 to 5 (default 5); baud: default 9600; stop: 1 (default) or 2; rate: 20 (default), 50, 100 Hz
-      mode: throttle (default), split (switch in a command of its own), rpm; the last two from version 4
+", "  \
   Baud rates are 2400, 4800, 9600, 19200, 38400, 57600, 115200. Up to 8 engines. Without --engine there are
   two AMT engines at 2400 baud and two ZK engines, one at 9600 baud with version 4, one at 115200 baud with
   version 5 that is commanded by rpm.
@@ -105,11 +100,15 @@ Exit status:
 
 Time:
   All is simulated in virtual time. Without --fast that is held back to real time. A computer that is too busy
-  delays the run and does not change it: the same seed gives the same result, live and with --fast.";
+  delays the run and does not change it: the same seed gives the same result, live and with --fast."];
+
+fn help() -> String {
+    HELP.join(&engines::HELP.concat())
+}
 
 /// Arguments of `jetlink rig`.
 #[derive(clap::Args, Debug)]
-#[command(after_long_help = HELP, after_help = "--help explains all, --engine and --faults in full.")]
+#[command(after_long_help = help(), after_help = "--help explains all, --engine and --faults in full.")]
 pub struct Args {
     /// An engine and its ECU; repeatable
     #[arg(long = "engine", value_name = "DESCRIPTION")]

@@ -43,6 +43,14 @@ impl Telemetry for Amt {
 
     const HINT_OF_ANOTHER: &'static str = "--engine is only for --protocol amt";
 
+    const FIELDS: &'static str = "    \
+    normal       engine switch state_code state rpm egt_c throttle_pct vout_v
+    error        engine errors error_bits egt_c throttle_pct vout_v
+    alternate    engine_code engine idle_v max_v battery_v external_v
+    setup        pw_min_us pw_max_us version date engine
+    unknown      none: a kind that the document does not name
+";
+
     fn new(hint: AmtHint) -> Self {
         Self { decoder: amt::Decoder::new(), engine: hint.engine }
     }

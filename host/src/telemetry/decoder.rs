@@ -14,6 +14,9 @@ pub trait Telemetry {
     /// The sentence for a hint that is given with another protocol.
     const HINT_OF_ANOTHER: &'static str;
 
+    /// Every frame with the fields of its record, for the help: a line each, indented by four spaces.
+    const FIELDS: &'static str;
+
     /// Nothing received yet.
     fn new(hint: Self::Hint) -> Self;
 

@@ -4,12 +4,11 @@ mod amt;
 pub mod decoder;
 mod zk;
 
-use crate::protocols::protocols;
 use clap::ValueEnum;
 use decoder::{Decoder, Telemetry};
 
 macro_rules! decoders {
-    ($($(#[$doc:meta])* $name:ident $module:ident;)+) => {
+    ($($(#[$doc:meta])* $name:ident $module:ident($config:ty, $ecu:ty, $command:ty);)+) => {
         /// Protocol of an ECU.
         #[derive(ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
         pub enum Protocol {
@@ -45,6 +44,13 @@ macro_rules! decoders {
                 }
             }
 
+            /// Its frames with the fields of their records, for the help.
+            pub fn fields(self) -> String {
+                match self {
+                    $(Self::$name => format!("  {}\n{}", stringify!($module), <$module::$name as Telemetry>::FIELDS),)+
+                }
+            }
+
             /// The same protocol, as the simulation names it.
             pub const fn on_wire(self) -> sim::any::Protocol {
                 match self {
@@ -62,7 +68,7 @@ macro_rules! decoders {
         }
     };
 }
-protocols!(decoders);
+sim::protocols!(decoders);
 
 impl Protocol {
     /// All of them.

@@ -40,6 +40,20 @@ impl Telemetry for Zk {
 
     const HINT_OF_ANOTHER: &'static str = "--zk-version is only for --protocol zk";
 
+    const FIELDS: &'static str = "    \
+    every frame  rpm
+    status-1     state_code state error_code error switch_code switch egt_c
+    status-2     radio_v power_v pump_v
+    status-3     throttle_pct pressure_pa
+    status-4     current_a thrust_kg
+    status-5     ignition_pump_v curve_increase curve_decrease
+    status-6     max_rpm max_pump_v protocol_version rate_hz
+    status-7     flow_l_min fuel_l
+    status-8     idle_rpm pressure_requested closed_loop startup_s
+    status-9     ecu_c
+    unknown-N    none: another ID with a good CRC
+";
+
     fn new(hint: ZkHint) -> Self {
         Self { decoder: zk::Decoder::new(), version: hint.zk_version }
     }

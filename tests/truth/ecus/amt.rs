@@ -12,7 +12,7 @@ use jetlink::line::Line;
 use jetlink::units::Throttle;
 use sim::amt::{AmtCommand, AmtConfig, AmtEcu, AmtTemper, InFlight, Status};
 use sim::any::{AnyConfig, AnyEcu};
-use sim::control::Command;
+use sim::control::{Command, Frame};
 
 /// For the named cases: it does what harm the document allows.
 pub fn case() -> (EngineConfig, AnyConfig) {
@@ -152,7 +152,7 @@ pub fn pilot_command(service: AmtService) -> PilotCommand {
     }
 }
 
-pub fn sent(command: AmtCommand) -> Sent {
+pub fn sent(command: AmtCommand, _: &Frame) -> Sent {
     let command = Command::Amt(command);
     match (command.switch(), command.throttle_tenths()) {
         (Some(switch), Some(tenths)) => Sent::Full(switch, tenths.into()),

@@ -1,4 +1,5 @@
-//! The ECUs of the worlds, by protocol: every temper that the documents allow. A new protocol is a file and its arms here.
+//! The ECUs of the worlds, by protocol: every temper that the documents allow. A new protocol is a file, with its `mod` line
+//! and its place in `random`: what follows is made from the table of protocols.
 
 pub mod amt;
 mod vendor;
@@ -19,10 +20,7 @@ pub fn random(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {
 
 /// Makes an engine start and cool quickly, and an AMT ECU that waits for longer than the node assumes.
 pub fn quicken(rng: &mut Rng, engine: &mut EngineConfig, ecu: &mut AnyConfig) {
-    let turbine = match ecu {
-        AnyConfig::Amt(config) => &mut config.turbine,
-        AnyConfig::Zk(config) => &mut config.turbine,
-    };
+    let turbine = ecu.turbine_mut();
     (turbine.ignition_s, turbine.preheat_s, turbine.ramp_s, turbine.learn_s) = (1.5, 2.0, 5.0, 1.5);
     turbine.cooling_s = rng.pick(&[8.0, 8.0, turbine.cooling_s]);
     if let AnyConfig::Amt(config) = ecu {
@@ -30,48 +28,48 @@ pub fn quicken(rng: &mut Rng, engine: &mut EngineConfig, ecu: &mut AnyConfig) {
     }
 }
 
-pub fn config(config: &AnyConfig) -> &dyn WorldConfig {
-    match config {
-        AnyConfig::Amt(config) => config,
-        AnyConfig::Zk(config) => config,
-    }
-}
+macro_rules! ecus {
+    ($($(#[$doc:meta])* $name:ident $module:ident($config:ty, $ecu:ty, $command:ty);)+) => {
+        pub fn config(config: &AnyConfig) -> &dyn WorldConfig {
+            match config {
+                $(AnyConfig::$name(config) => config,)+
+            }
+        }
 
-pub fn ecu(ecu: &AnyEcu) -> &dyn WorldEcu {
-    match ecu {
-        AnyEcu::Amt(ecu) => &**ecu,
-        AnyEcu::Zk(ecu) => &**ecu,
-    }
-}
+        pub fn ecu(ecu: &AnyEcu) -> &dyn WorldEcu {
+            match ecu {
+                $(AnyEcu::$name(ecu) => &**ecu,)+
+            }
+        }
 
-pub fn ecu_mut(ecu: &mut AnyEcu) -> &mut dyn WorldEcu {
-    match ecu {
-        AnyEcu::Amt(ecu) => &mut **ecu,
-        AnyEcu::Zk(ecu) => &mut **ecu,
-    }
+        pub fn ecu_mut(ecu: &mut AnyEcu) -> &mut dyn WorldEcu {
+            match ecu {
+                $(AnyEcu::$name(ecu) => &mut **ecu,)+
+            }
+        }
+
+        /// What a service command of radio control or of MAVLink is to the judge.
+        pub fn pilot_command(service: Service) -> PilotCommand {
+            match service {
+                $(Service::$name(service) => $module::pilot_command(service),)+
+            }
+        }
+
+        /// A control frame in the terms of the judge.
+        pub fn sent(frame: &control::Frame) -> Sent {
+            match frame.command {
+                Err(_) => Sent::Bad(frame.raw),
+                $(Ok(Command::$name(command)) => $module::sent(command, frame),)+
+            }
+        }
+    };
 }
+sim::protocols!(ecus);
 
 /// Whether an ECU that reports this fault calls its own exhaust temperature wrong.
 pub fn disowns_exhaust(kind: Kind, fault: u8) -> bool {
     match kind {
         Kind::Amt => amt::disowns_exhaust(fault),
         Kind::Zk(_) => false,
-    }
-}
-
-/// What a service command of radio control or of MAVLink is to the judge.
-pub fn pilot_command(service: Service) -> PilotCommand {
-    match service {
-        Service::Amt(service) => amt::pilot_command(service),
-        Service::Zk(service) => zk::pilot_command(service),
-    }
-}
-
-/// A control frame in the terms of the judge.
-pub fn sent(frame: &control::Frame) -> Sent {
-    match frame.command {
-        Err(_) => Sent::Bad(frame.raw),
-        Ok(Command::Amt(command)) => amt::sent(command),
-        Ok(Command::Zk(command)) => zk::sent(command, frame),
     }
 }

@@ -250,3 +250,19 @@ fn toy_protocol_takes_a_folder_and_two_lines() {
     };
     assert_eq!(modules(&read("toy/src/lib.rs")), modules(&read("jetlink/src/lib.rs")));
 }
+
+/// The files that docs/porting.md names for a protocol are there for AMT, and so are those that it does not name by vendor.
+#[test]
+fn files_that_the_page_names_for_a_protocol_exist() {
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+    let page = std::fs::read_to_string(format!("{root}/docs/porting.md")).unwrap();
+    let (_, section) = page.split_once("## A new ECU protocol").unwrap();
+    let (section, _) = section.split_once("\n## ").unwrap();
+    let quoted = section.split('`').skip(1).step_by(2);
+    let paths: Vec<String> =
+        quoted.filter(|text| text.contains('/')).map(|text| text.replace("<vendor>", "amt")).collect();
+    let exists = |path: &str| std::fs::exists(format!("{root}/{path}")).unwrap();
+    let missing: Vec<&String> = paths.iter().filter(|path| !exists(path)).collect();
+    assert!(paths.len() > 25 && missing.is_empty(), "{} paths, missing: {missing:?}", paths.len());
+    assert!(!exists("sim/src/vendor/mod.rs"), "and others do not");
+}

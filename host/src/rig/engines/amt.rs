@@ -17,6 +17,12 @@ impl From<Ecu> for amt::AmtConfig {
 }
 
 impl Described for Ecu {
+    const HELP: &'static str = "  \
+  --engine name=left,ecu=amt,engine=olympus,baud=2400
+      engine: mercury, pegasus, olympus (default), titan, nike, lynx
+      baud: default 2400
+";
+
     const KEYS: &'static [&'static str] = &["engine"];
 
     fn read(

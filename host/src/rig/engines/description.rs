@@ -67,6 +67,9 @@ impl<'a> Description<'a> {
 
 /// A simulated ECU of one protocol, as the command line describes it.
 pub trait Described: Copy {
+    /// An engine with all keys, and their values, for the help: lines indented by two and six spaces.
+    const HELP: &'static str;
+
     /// Keys of its own.
     const KEYS: &'static [&'static str];
 

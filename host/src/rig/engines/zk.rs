@@ -36,6 +36,12 @@ impl From<Ecu> for zk::ZkConfig {
 }
 
 impl Described for Ecu {
+    const HELP: &'static str = "  \
+  --engine name=centre,ecu=zk,version=4,baud=9600,stop=1,rate=20,mode=throttle
+      version: 1 to 5 (default 5); baud: default 9600; stop: 1 (default) or 2; rate: 20 (default), 50, 100 Hz
+      mode: throttle (default), split (switch in a command of its own), rpm; the last two from version 4
+";
+
     const KEYS: &'static [&'static str] = &["version", "rate", "mode"];
 
     fn read(

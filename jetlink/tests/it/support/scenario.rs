@@ -405,17 +405,15 @@ impl Wire {
             control::Command::Zk(ZkCommand::Switch { factor: 1.., .. } | ZkCommand::Rpm(_)) => {
                 Some(Self::RpmControl)
             }
-            control::Command::Zk(ZkCommand::Control { .. }) | control::Command::Amt(_) => {
-                Some(match command.switch() {
-                    None => Self::Ctf,
-                    Some(Switch::Pwm) => Self::Pwm,
-                    Some(Switch::Stop) => Self::Stop,
-                    Some(Switch::Standby) => Self::Standby,
-                    Some(Switch::Run) => Self::Run(command.throttle_tenths().expect("it comes with run")),
-                })
-            }
             // ID 0, a rate, the switch alone.
-            control::Command::Zk(_) => None,
+            control::Command::Zk(zk) if !matches!(zk, ZkCommand::Control { .. }) => None,
+            _ => Some(match command.switch() {
+                None => Self::Ctf,
+                Some(Switch::Pwm) => Self::Pwm,
+                Some(Switch::Stop) => Self::Stop,
+                Some(Switch::Standby) => Self::Standby,
+                Some(Switch::Run) => Self::Run(command.throttle_tenths().expect("it comes with run")),
+            }),
         }
     }
 }

@@ -18,14 +18,20 @@ pub const CONTROL_LEN: usize = 2;
 /// Command to the ECU.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Control {
+    /// No order: the engine stays as it is.
     Nothing,
+    /// Shut down.
     Standby,
+    /// Run.
     Run,
+    /// Stop at once.
     EmergencyStop,
+    /// Prime the fuel line.
     Prime,
 }
 
 impl Control {
+    /// Its bytes.
     pub const fn encode(self) -> [u8; CONTROL_LEN] {
         [TO_ECU, self as u8]
     }
@@ -34,7 +40,9 @@ impl Control {
 /// State of the engine.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum State {
+    /// At rest.
     Rest,
+    /// Running.
     Running,
     /// A number that the document does not name.
     Unknown(u8),
@@ -49,6 +57,7 @@ impl State {
         }
     }
 
+    /// The number on the wire.
     pub const fn code(self) -> u8 {
         match self {
             Self::Rest => 0,
@@ -57,6 +66,7 @@ impl State {
         }
     }
 
+    /// Its name, for people.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Rest => "rest",
@@ -69,14 +79,18 @@ impl State {
 /// Frame of the ECU.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Frame {
+    /// State of the engine.
     pub state: State,
+    /// What it reports to be wrong.
     pub faults: Faults,
+    /// Exhaust gas temperature, in steps of 5 °C.
     pub egt: Celsius,
 }
 
 /// Faults of the ECU.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Faults {
+    /// The engine is too hot.
     pub overheated: bool,
 }
 

@@ -7,7 +7,7 @@ use super::vendor::WorldEcu;
 use jetlink::config::EngineConfig;
 use jetlink::ecu::amt::codec::EngineModel;
 use jetlink::line::Line;
-use sim::amt::{AmtCommand, AmtEcu, Ops};
+use sim::amt::{AmtCommand, AmtConfig, AmtEcu, Ops};
 use sim::any::AnyConfig;
 use sim::control::Command;
 
@@ -16,6 +16,10 @@ pub fn random(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {
     let line = Line::new(rng.pick(&[2400, 2400, 9600, 115_200]));
     let ecu = AnyConfig::amt(sim::amt::EngineModel::Olympus).with_log(8);
     (EngineConfig::amt("amt", port, line, engine), ecu)
+}
+
+pub const fn holds_rpm(_: &AmtConfig) -> bool {
+    false
 }
 
 impl WorldEcu for AmtEcu {

@@ -1,4 +1,5 @@
-//! The ECUs of the worlds, by protocol. A new protocol is a file and its arms here.
+//! The ECUs of the worlds, by protocol. A new protocol is a file, with its `mod` line and its place in `random`: what
+//! follows is made from the table of protocols.
 
 mod amt;
 mod vendor;
@@ -16,34 +17,35 @@ pub fn random(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {
     if rng.percent(55) { amt::random(rng, port) } else { zk::random(rng, port) }
 }
 
-/// Whether an ECU holds an rpm by itself.
-pub const fn holds_rpm(config: &AnyConfig) -> bool {
-    match config {
-        AnyConfig::Amt(_) => false,
-        AnyConfig::Zk(config) => zk::holds_rpm(config),
-    }
-}
+macro_rules! ecus {
+    ($($(#[$doc:meta])* $name:ident $module:ident($config:ty, $ecu:ty, $command:ty);)+) => {
+        /// Whether an ECU holds an rpm by itself.
+        pub const fn holds_rpm(config: &AnyConfig) -> bool {
+            match config {
+                $(AnyConfig::$name(config) => $module::holds_rpm(config),)+
+            }
+        }
 
-pub fn ecu(ecu: &AnyEcu) -> &dyn WorldEcu {
-    match ecu {
-        AnyEcu::Amt(ecu) => &**ecu,
-        AnyEcu::Zk(ecu) => &**ecu,
-    }
-}
+        pub fn ecu(ecu: &AnyEcu) -> &dyn WorldEcu {
+            match ecu {
+                $(AnyEcu::$name(ecu) => &**ecu,)+
+            }
+        }
 
-pub fn ecu_mut(ecu: &mut AnyEcu) -> &mut dyn WorldEcu {
-    match ecu {
-        AnyEcu::Amt(ecu) => &mut **ecu,
-        AnyEcu::Zk(ecu) => &mut **ecu,
-    }
-}
+        pub fn ecu_mut(ecu: &mut AnyEcu) -> &mut dyn WorldEcu {
+            match ecu {
+                $(AnyEcu::$name(ecu) => &mut **ecu,)+
+            }
+        }
 
-/// A frame of the node in the judge's terms.
-pub fn frame(frame: &control::Frame) -> Frame {
-    let read = match frame.command {
-        Err(_) => None,
-        Ok(Command::Amt(command)) => amt::frame(command),
-        Ok(Command::Zk(command)) => zk::frame(command),
+        /// A frame of the node in the judge's terms.
+        pub fn frame(frame: &control::Frame) -> Frame {
+            let read = match frame.command {
+                Err(_) => None,
+                $(Ok(Command::$name(command)) => $module::frame(command),)+
+            };
+            read.unwrap_or(Frame::Bad(frame.raw))
+        }
     };
-    read.unwrap_or(Frame::Bad(frame.raw))
 }
+sim::protocols!(ecus);
