@@ -19,7 +19,6 @@ const FALLING: u32 = 5000;
 /// Sets a throttle for a shaft speed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Governor {
-    config: Config,
     /// In parts of 0.1 %.
     integral: i64,
     /// Throttle for the last shaft speed, in 0.1 %.
@@ -31,10 +30,9 @@ pub(super) struct Governor {
 
 impl Governor {
     /// Begins at the throttle in force.
-    pub const fn new(now: Instant, config: Config, throttle: Throttle) -> Self {
+    pub const fn new(now: Instant, throttle: Throttle) -> Self {
         let tenths = throttle.tenths();
         Self {
-            config,
             integral: tenths as i64 * PARTS,
             wanted: tenths as u32,
             output: Ramp::new(tenths as u32, now),
@@ -43,11 +41,17 @@ impl Governor {
     }
 
     /// The throttle for a target, and the time of its next step, or at which the telemetry is too old.
-    pub fn throttle(&mut self, now: Instant, target: Rpm, rpm: Option<Timed<Rpm>>) -> (Throttle, Instant) {
-        let Some(rpm) = rpm.filter(|rpm| now < rpm.at + self.config.max_age) else {
+    pub fn throttle(
+        &mut self,
+        now: Instant,
+        config: &Config,
+        target: Rpm,
+        rpm: Option<Timed<Rpm>>,
+    ) -> (Throttle, Instant) {
+        let Some(rpm) = rpm.filter(|rpm| now < rpm.at + config.max_age) else {
             // Never hold a throttle without a speed.
-            *self = Self::new(now, self.config, Throttle::IDLE);
-            return (Throttle::IDLE, now + self.config.max_age);
+            *self = Self::new(now, Throttle::IDLE);
+            return (Throttle::IDLE, now + config.max_age);
         };
         if self.seen.map(|seen| seen.at) != Some(rpm.at) {
             // Not more than 0.5 s: a gap must not become one big step.
@@ -57,32 +61,32 @@ impl Governor {
             let fall = self.seen.map_or(0, |seen| seen.value.get().saturating_sub(rpm.value.get()));
             let falls = u64::from(fall) * 1_000_000 > u64::from(FALLING) * elapsed.as_micros();
             self.seen = Some(rpm);
-            self.step(target, rpm.value, elapsed, falls && elapsed.as_ticks() > 0);
+            self.step(config, target, rpm.value, elapsed, falls && elapsed.as_ticks() > 0);
         }
-        let rates = Rates { up: Some(self.config.slew.into()), down: None };
+        let rates = Rates { up: Some(config.slew.into()), down: None };
         let next = self.output.follow(now, self.wanted, rates);
         let tenths = u16::try_from(self.output.value()).unwrap_or(0);
-        let old_at = rpm.at + self.config.max_age;
+        let old_at = rpm.at + config.max_age;
         let throttle = Throttle::from_tenths(tenths).unwrap_or(Throttle::IDLE);
         (throttle, next.map_or(old_at, |next| next.min(old_at)))
     }
 
-    fn step(&mut self, target: Rpm, rpm: Rpm, elapsed: Duration, falls: bool) {
+    fn step(&mut self, config: &Config, target: Rpm, rpm: Rpm, elapsed: Duration, falls: bool) {
         let micros = elapsed.as_micros() as i64;
         let error = i64::from(target.get()) - i64::from(rpm.get());
         // Gains are for 1000 rpm, the integral's for a second: µs and parts cancel out.
-        let proportional = error * i64::from(self.config.proportional) * PARTS / 1000;
-        let step = error * i64::from(self.config.integral) * micros / 1000;
-        let highest = i64::from(self.config.authority.tenths()) * PARTS;
+        let proportional = error * i64::from(config.proportional) * PARTS / 1000;
+        let step = error * i64::from(config.integral) * micros / 1000;
+        let highest = i64::from(config.authority.tenths()) * PARTS;
         // A shaft that falls although the throttle was not lowered has no flame: more fuel would only flood it.
-        let rise = if falls { 0 } else { i64::from(self.config.slew) * micros };
+        let rise = if falls { 0 } else { i64::from(config.slew) * micros };
         // Not more than it rises until the next speed: without one it stays there.
         let limit = highest.min(i64::from(self.output.value()) * PARTS + rise);
-        let wanted = self.integral + step + proportional;
-        // Anti-windup: no further into a limit.
-        if !(wanted > limit && step > 0 || wanted < 0 && step < 0) {
-            self.integral = (self.integral + step).clamp(0, highest);
-        }
+        // Anti-windup: up to a limit, and not further into it.
+        let room = limit - self.integral - proportional;
+        let step =
+            if step > 0 { step.min(room.max(0)) } else { step.max(-(self.integral + proportional).max(0)) };
+        self.integral = (self.integral + step).clamp(0, highest);
         let wanted = (self.integral + proportional).clamp(0, limit.max(0));
         // Rounded up: a slow rise would otherwise end at each speed.
         self.wanted = u32::try_from((wanted + PARTS - 1) / PARTS).unwrap_or(0);

@@ -244,8 +244,8 @@ impl Shaper {
             Demand::Throttle(sent) if !core::mem::take(&mut self.doubted) => sent,
             _ => shape.throttle.unwrap_or(Throttle::IDLE),
         };
-        let governor = self.governor.get_or_insert_with(|| Governor::new(now, settings, from));
-        let (throttle, look_again) = governor.throttle(now, rpm, shape.rpm);
+        let governor = self.governor.get_or_insert_with(|| Governor::new(now, from));
+        let (throttle, look_again) = governor.throttle(now, &settings, rpm, shape.rpm);
         self.governed = Some(throttle);
         (Demand::Throttle(throttle), earlier(next, Some(look_again).filter(|at| *at > now)))
     }

@@ -10,6 +10,8 @@ use jetlink::limit::{Action, Limit};
 use jetlink::line::{Line, LineError};
 use jetlink::units::{Celsius, Throttle};
 
+use bench::by_hand::at_us;
+
 use crate::support::frames::amt as amt_frames;
 use crate::support::scenario::{
     Ecu, FRAME_PERIOD_US, Reports, SECOND, Scenario, Values, Wire, percent, rpm, run,
@@ -157,12 +159,29 @@ fn the_governor_is_limited_in_slew_and_authority() {
     assert!(scenario.tenths() < 690, "{}", scenario.tenths());
 }
 
+/// Its settings take effect at once, also while it controls.
+#[test]
+fn settings_of_the_governor_take_effect_at_once() {
+    let config = governed(|_| {});
+    let mut scenario = at(config, 30, 40_000);
+    scenario.fly_us(target(100_000), Origin::Rc, 5 * SECOND);
+    assert_eq!(scenario.tenths(), 1000, "the shaft is too slow all the time");
+    let mut settings = config.supervision;
+    settings.governor = settings
+        .governor
+        .map(|governor| Governor { authority: Throttle::from_percent(60).unwrap(), ..governor });
+    let now = at_us(scenario.now_us());
+    scenario.bench.act(|engine, _| engine.configure(now, &settings)).unwrap();
+    scenario.fly_us(target(100_000), Origin::Rc, SECOND);
+    assert_eq!(scenario.tenths(), 600);
+}
+
 /// A rise of less than 0.1 % from speed to speed is one, too.
 #[test]
 fn a_governor_rises_slowly_where_its_slew_is_slow() {
-    let mut scenario = at(governed(|g| g.slew = 5), 30, 40_000);
+    let mut scenario = at(governed(|g| g.slew = 10), 30, 40_000);
     scenario.fly_us(target(100_000), Origin::Rc, 10 * SECOND);
-    assert!((345..=351).contains(&scenario.tenths()), "0.5 % a second for 10 s: {}", scenario.tenths());
+    assert!((390..=401).contains(&scenario.tenths()), "1 % a second for 10 s: {}", scenario.tenths());
 }
 
 /// Speeds that are missing for 0.4 s make no large step of the rise: from one frame to the next it is limited by the slew.
