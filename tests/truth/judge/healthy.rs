@@ -185,9 +185,20 @@ impl Case<'_> {
             let commands = self.command_log.until(source, *when).iter().rev();
             let runs = commands.take_while(|(_, command)| matches!(command, PilotCommand::Run(_)));
             let since = runs.last().map_or(*when, |(since, _)| *since);
-            // Nor is it before it has taken over, from a lower one either.
-            *when >= since + rules.takeover && (0..source).filter_map(lost).all(|lost| *when >= lost)
+            // Nor is it before it has taken over, from a lower one either; who starts an engine is.
+            let starts = self.start_sent(since);
+            (starts || *when >= since + rules.takeover)
+                && (0..source).filter_map(lost).all(|lost| *when >= lost)
         })
+    }
+
+    /// Whether run goes out behind something else right after a command.
+    fn start_sent(&self, command: u64) -> bool {
+        let frames = &self.h.frames;
+        let first = frames.partition_point(|frame| frame.at < command);
+        let soon = frames[first.saturating_sub(1)..].iter().take_while(|frame| frame.at < command + SECOND);
+        let switches: Vec<_> = soon.filter_map(|frame| frame.sent.switch()).collect();
+        switches.windows(2).any(|pair| pair[0] != Switch::Run && pair[1] == Switch::Run)
     }
 
     /// When a source was present without a command, right after this one: it is silent from then on.
@@ -392,10 +403,24 @@ impl Case<'_> {
         }
     }
 
+    /// Since when the engine has run on one order: an ECU that lights it again by itself begins no other one.
+    fn ran_since(&self, at: u64) -> u64 {
+        let mut since = self.runs.last_before(at).map_or(0, |(from, _)| from);
+        let relit = |from, to| {
+            self.h.marks.iter().any(|(when, mark)| *mark == Mark::Relight && (from..to).contains(when))
+        };
+        while let Some((from, to)) = self.runs.last_before(since)
+            && relit(to, since)
+        {
+            since = from;
+        }
+        since
+    }
+
     /// Whether a limit, or another engine, may hold the demand down at this instant.
     pub(super) fn reduced(&self, at: u64) -> bool {
         let h = self.h;
-        let since = self.runs.last_before(at).map_or(0, |(from, _)| from);
+        let since = self.ran_since(at);
         // The fail-safe of a limit holds until standby.
         let start = since.saturating_sub(60 * SECOND);
         let ran = h.samples(start, at);

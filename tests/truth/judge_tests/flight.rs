@@ -353,20 +353,22 @@ fn a_demand_is_not_held_below_the_commanded_one() {
 /// A flame-out passes a limit of how values change. The ECU lights it again in the same life, and the limit holds until standby.
 #[test]
 fn a_limit_holds_the_demand_of_an_engine_that_was_lit_again() {
-    let story = || {
+    let lit_again = |runs: f64| {
+        let end = runs + 30.0;
         flight(ZK5, 40.0)
-            .streams(PILOT, 40.0, 90.0, PilotCommand::Run(Demanded::Throttle(500)))
+            .streams(PILOT, 40.0, end, PilotCommand::Run(Demanded::Throttle(500)))
             .wire(40.0, 41.0, HALF)
             .ramp(41.0, 500, 0)
-            .wire(42.1, 90.0, IDLE)
+            .wire(42.1, end, IDLE)
             .turbine(40.0, 42.0, Phase::Running, 60_000.0, 450.0)
             .with(|h| {
                 h.samples.iter_mut().filter(|sample| sample.at >= 40 * SECOND).for_each(|s| s.lit = false)
             })
             .mark(42.0, Mark::Relight)
-            .turbine(42.0, 60.0, Phase::FuelRamp, 30_000.0, 450.0)
-            .turbine(60.0, 90.0, Phase::Running, 50_000.0, 450.0)
+            .turbine(42.0, runs, Phase::FuelRamp, 30_000.0, 450.0)
+            .turbine(runs, end, Phase::Running, 50_000.0, 450.0)
     };
+    let story = || lit_again(60.0);
     story().with(|h| h.rules.limit_change = Some(false)).passes();
     // Learning idle may be reported as running.
     let learning = |h: &mut History| {
@@ -375,6 +377,12 @@ fn a_limit_holds_the_demand_of_an_engine_that_was_lit_again() {
     };
     story().with(|h| h.rules.limit_change = Some(false)).with(learning).passes();
     story().breaks(&[Rule::HeldDown]);
+    // The order is the one of before, however long the start lasts.
+    let held = |limit| {
+        let story = lit_again(120.0).with(move |h| h.rules.limit_rpm = Some((limit, false)));
+        story.judged().rules().contains(&Rule::HeldDown)
+    };
+    assert!(!held(90_000.0) && held(110_000.0));
 }
 
 #[test]

@@ -231,6 +231,26 @@ fn silence_shuts_an_engine_down_only_where_that_is_configured() {
     story().with(late).streams(PILOT, 40.0, 60.0, PilotCommand::Nothing).passes();
 }
 
+/// Who starts an engine is in control at once: its silence counts from its last command, however soon that was.
+#[test]
+fn who_starts_an_engine_is_in_control_at_once() {
+    let story = |standby_after| {
+        ready(ZK5)
+            .streams(PILOT, 4.0, 7.0, PilotCommand::Run(Demanded::Throttle(0)))
+            .wire(4.0, 26.0, IDLE)
+            .mark(5.0, Mark::Ignition)
+            .turbine(5.0, 20.0, Phase::FuelRamp, 20_000.0, 400.0)
+            .turbine(20.0, 26.1, Phase::Running, 50_000.0, 500.0)
+            // Back, and not yet for as long as it has to be received.
+            .streams(PILOT, 25.5, 40.0, PilotCommand::Run(Demanded::Throttle(0)))
+            .wire(26.0, 40.0, STANDBY)
+            .turbine(26.1, 40.0, Phase::Cooling, 5000.0, 300.0)
+            .with(move |h| (h.rules.standby_after, h.rules.takeover) = (standby_after, 4 * SECOND))
+    };
+    story(Some(17_500 * MS)).passes();
+    story(Some(30 * SECOND)).breaks(&[Rule::ShutDown]);
+}
+
 /// With error sets only, and a thermocouple that is broken, nothing says that an AMT engine runs: in silence its order ends.
 #[test]
 fn in_silence_an_engine_that_nothing_shows_is_shut_down() {
