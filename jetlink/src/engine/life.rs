@@ -238,7 +238,7 @@ impl Life {
                 None
             }
             Fit::Neither => {
-                self.contradict(sign);
+                self.contradict(sign, exhaust);
                 None
             }
             Fit::Confirms => {
@@ -336,7 +336,7 @@ impl Life {
         let Sign::State { stage, .. } = sign else { return };
         // A restart may be at any stage.
         let stage = if stage == Stage::Restart { Stage::Ignition } else { stage };
-        self.contradict(sign);
+        self.contradict(sign, Burning::NotKnown);
         let agrees = self.candidate.replace(stage).is_some_and(|before| before > Stage::Clearance);
         if agrees && stage > Stage::Clearance && !self.after_gap() {
             self.doubt = None;
@@ -344,10 +344,14 @@ impl Life {
         }
     }
 
-    /// Resets the counts of agreeing reports, which have to be consecutive.
-    fn contradict(&mut self, sign: Sign) {
-        if let (Sign::State { .. }, Some(doubt)) = (sign, &mut self.doubt) {
-            (doubt.confirming, doubt.ending) = (0, 0);
+    /// Resets the counts of agreeing reports, which have to be consecutive. Between two reports of an engine at rest, faults beside an
+    /// exhaust that burns contradict them.
+    const fn contradict(&mut self, sign: Sign, exhaust: Burning) {
+        let Some(doubt) = &mut self.doubt else { return };
+        match (sign, exhaust) {
+            (Sign::State { .. }, _) => (doubt.confirming, doubt.ending) = (0, 0),
+            (Sign::Faulted { .. }, Burning::Yes) => doubt.ending = 0,
+            _ => {}
         }
     }
 

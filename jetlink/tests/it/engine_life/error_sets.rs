@@ -42,6 +42,25 @@ fn amt_8_an_exhaust_without_combustion_ends_a_life() {
     }
 }
 
+/// Two consecutive reports end a life: one odd set at a time between error sets does not, while the exhaust burns.
+#[test]
+fn amt_8_an_error_set_of_a_burning_engine_contradicts_a_report_of_rest() {
+    let order = |sets: &[bool]| {
+        let mut scenario = with_faults(SECOND, 1, run(50), |_| 500);
+        let fault = scenario.ecu.frame(Reports::Stopped, scenario.values);
+        let rest = scenario.ecu.frame(Reports::Stopped, Values { fault: 0, ..scenario.values });
+        scenario.silent();
+        for &odd in sets {
+            let _ = scenario.command(run(50));
+            scenario.pass_us(FRAME_PERIOD_US);
+            scenario.bench.receive(if odd { &rest } else { &fault });
+        }
+        scenario.order()
+    };
+    assert_eq!(order(&[true, false, true, false, true, false]), Order::Doubt(percent(50)));
+    assert_eq!(order(&[false, true, true, false]), Order::Standby, "two consecutive ones");
+}
+
 /// The fall that a lower demand causes is expected after a reset, too, for as long as it would have been without one. A loop of
 /// resets does not prolong it.
 #[test]
