@@ -111,7 +111,7 @@ impl Engine {
         }
         let since = *self.transmitter.get_or_insert(now);
         // A reply carries the order of the moment in which it is handed out, and that may be the next input.
-        self.update(now);
+        self.shape(now);
         let failed = now >= since + TRANSMITTER_FAILED;
         if failed && !core::mem::replace(&mut self.transmitter_failed, true) {
             self.event(Event::TransmitterFailed);
