@@ -193,3 +193,46 @@ fn after_a_reset_a_lower_source_may_be_in_control_beside_one_that_speaks_seldom(
     let verdict = judged(RESET + 12 * SECOND);
     assert!(verdict.as_ref().is_err_and(|why| why.starts_with("(6)")), "{verdict:?}");
 }
+
+/// The standby of a lower source that ends a run at the end of the stages of loss is its own: its next run is a start. One that it
+/// commanded long before, and was silent since, has ended nothing.
+#[test]
+fn a_lower_sources_standby_that_ends_a_run_permits_its_next_one() {
+    let judged = |standby_until: u64, standby_after: Option<u64>| {
+        let config = Ecu::Amt.with(|s| {
+            s.timeouts.rc = Duration::from_millis(500);
+            s.timeouts.bench = Duration::from_secs(3);
+            s.loss.hold = Duration::from_ticks(0);
+            s.loss.lower_standby_after = Duration::from_ticks(0);
+            s.loss.standby_after = standby_after.map(Duration::from_secs);
+        });
+        let Demand::Throttle(idle) = percent(0) else { unreachable!() };
+        let run = Command::Run(Demand::Throttle(idle));
+        let mut judge = Oracle::new(config, false, 36_000, 100_000);
+        let by = |origin, command, answer| Input::Commanded(origin, command, Ok(answer));
+        judge.input(0, by(Origin::Rc, Command::Arm, Accepted::InForce))?;
+        for step in 0..480 {
+            let at = step * 25 * MS;
+            let (starts, truth) = started_at_3_s(at);
+            let ended = at >= 10_500 * MS;
+            let rest = Truth { standby: true, egt: 20.0, ..Truth::default() };
+            judge.input(at, Input::Truth(if ended { rest } else { truth }))?;
+            if step.is_multiple_of(2) && at <= 10 * SECOND {
+                let command = if starts { run } else { Command::Standby };
+                judge.input(at, by(Origin::Rc, command, Accepted::InForce))?;
+            }
+            if step.is_multiple_of(2) && starts && at <= standby_until {
+                judge.input(at, by(Origin::Bench, Command::Standby, Accepted::Behind(Origin::Rc)))?;
+            }
+            if step % 5 == 1 {
+                let switch = if starts && !ended { Switch::Run } else { Switch::Standby };
+                judge.frame(at, Frame::Full(switch, 0))?;
+            }
+        }
+        judge.input(12 * SECOND, by(Origin::Bench, run, Accepted::InForce))?;
+        judge.frame(12_100 * MS, Frame::Full(Switch::Run, 0)).map(|_| ())
+    };
+    assert_eq!(judged(10 * SECOND, None), Ok(()));
+    let verdict = judged(5 * SECOND, Some(0));
+    assert!(verdict.as_ref().is_err_and(|why| why.starts_with("(1) a start by bench")), "{verdict:?}");
+}

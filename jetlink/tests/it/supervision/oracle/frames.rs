@@ -96,6 +96,14 @@ impl Oracle {
                 return Err(format!("(5) {frame} to an engine that runs, and nobody ended its run"));
             }
         }
+        // A standby that takes effect is its source's own, and permits its next run.
+        if self.wire_run
+            && self.latched.is_none()
+            && let Some(origin) = self.ended_by_lower(at)
+            && let Some(source) = &mut self.sources[slot(origin)]
+        {
+            source.permitted = Some(at);
+        }
         self.attempts.retain(|attempt| attempt.at + TOL >= at);
         self.wire_run = false;
         self.may_continue = false;
@@ -129,12 +137,18 @@ impl Oracle {
         after.is_some_and(|after| at + slack >= self.wanted_until_least + hold + after)
     }
 
-    /// A lower source that commands standby may have ended the run.
-    pub(super) fn ended_by_lower(&self, at: u64) -> bool {
+    /// The lower source that commands standby and may have ended the run.
+    pub(super) fn ended_by_lower(&self, at: u64) -> Option<Origin> {
         let loss = self.config.supervision.loss;
         let lasted = loss.hold.as_micros() + loss.lower_standby_after.as_micros();
-        let lower = |at| matches!(self.active_source(at), Some((_, Source { intent: Intent::Standby, .. })));
-        at + TOL >= self.wanted_until_least + lasted && (lower(at) || lower(self.last_run))
+        let lower = |at| {
+            let standby = |(_, source): &(Origin, Source)| source.intent == Intent::Standby;
+            self.active_source(at).filter(standby).map(|(origin, _)| origin)
+        };
+        if at + TOL < self.wanted_until_least + lasted {
+            return None;
+        }
+        lower(at).or_else(|| lower(self.last_run))
     }
 
     pub(super) fn run(&mut self, at: u64) -> Result<bool, String> {

@@ -457,7 +457,7 @@ impl Oracle {
                 self.wanted_until_least = to;
             }
         }
-        if self.wire_run && (self.ended_by_loss(to) || self.ended_by_lower(to)) {
+        if self.wire_run && (self.ended_by_loss(to) || self.ended_by_lower(to).is_some()) {
             self.standby_reason = Some(to);
         }
         self.at = to;
