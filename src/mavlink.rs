@@ -95,14 +95,15 @@ pub fn load(settings: &mut Settings) {
             apply_to_engine(config, own, record);
         }
     }));
-    // Damaged: what is left of them may not be what anybody has chosen.
-    if found == Found::Damaged || validate(&settings.engines).is_err() {
+    // Damaged: what is left of them may not be what anybody has chosen. Those that contradict each other are not, either.
+    let found = if validate(&settings.engines).is_ok() { found } else { Found::Damaged };
+    if found == Found::Damaged {
         *settings = Settings::new();
     }
     match found {
         Found::Empty => defmt::info!("settings: none are stored"),
         Found::Whole => defmt::info!("settings: as stored"),
-        Found::Damaged => defmt::error!("settings: DAMAGED, the defaults count and no start is granted"),
+        Found::Damaged => defmt::error!("settings: DAMAGED, the defaults count"),
     }
     settings.store = Some(STORE.init(store));
     settings.found = found;
@@ -112,6 +113,7 @@ pub fn load(settings: &mut Settings) {
 pub struct Mavlink {
     /// Runs it.
     pub runner: &'static Runner,
+    node: &'static Node<N>,
     store: Option<&'static mut Store>,
 }
 
@@ -141,7 +143,7 @@ pub fn build(node: &'static Node<N>, settings: Settings, radio: Option<&'static 
         }
         Runner::new(service)
     });
-    Mavlink { runner, store }
+    Mavlink { runner, node, store }
 }
 
 /// The key and its last time stamp, as a reset leaves them.
@@ -162,7 +164,7 @@ const RETAIN_EVERY: embassy_time::Duration = embassy_time::Duration::from_millis
 
 /// Serves the telemetry port and stores settings, until a restart is commanded.
 pub async fn serve(mavlink: Mavlink, port: EcuPort) {
-    let Mavlink { runner, store } = mavlink;
+    let Mavlink { runner, node, store } = mavlink;
     let mut system = None;
     #[cfg(feature = "usb")]
     let mut retain_at = embassy_time::Instant::MIN;
@@ -172,6 +174,7 @@ pub async fn serve(mavlink: Mavlink, port: EcuPort) {
             retain_at = _now + RETAIN_EVERY;
             board::key::KEY.store(&service.signing(_now));
         }
+        node.set_settings_damaged(service.is_damaged());
         if service.system_id() != system {
             system = service.system_id();
             if let Some(system) = system {

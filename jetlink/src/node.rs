@@ -102,6 +102,11 @@ impl<const N: usize> Node<N> {
         self.health.set_clock(clock);
     }
 
+    /// Sets whether the stored settings are damaged and not confirmed, for [`Node::health`].
+    pub fn set_settings_damaged(&self, damaged: bool) {
+        self.health.set_settings_damaged(damaged);
+    }
+
     /// The state of the board, for telemetry and the status LED.
     pub fn health(&self) -> Health {
         self.health.get()

@@ -11,6 +11,7 @@
 //! | [`store`], [`record`], [`fram`] | settings that stay; an F-RAM that holds them |
 //! | [`settings`], [`services`], [`refusal`] | parameters; the table of services; why something was refused |
 //! | `vehicle`, `servo`, `request` | our autopilot, its arming, its outputs, and the requested rate |
+//! | `kind` | what a message would do: it stops, reads or acts |
 //! | `engine` | one engine: its switch, its demand source, what arms it |
 //! | [`attached`] | what else is attached: a receiver of radio control, fuel valves |
 //! | [`report`], `text`, [`port`] | messages of an engine; texts; a port and its share of telemetry |
@@ -32,6 +33,7 @@ mod fields;
 pub mod fram;
 pub mod frame;
 pub mod ids;
+mod kind;
 mod number;
 pub mod packets;
 pub mod port;

@@ -35,8 +35,6 @@ pub enum Refusal {
     Repeated,
     /// A key is set only by USB.
     OnlyByUsb,
-    /// Only a person at the board, by USB, can know it.
-    AtBoard,
     /// An engine turns.
     Turns,
     /// No parameter has this name.
@@ -55,7 +53,7 @@ pub enum Refusal {
     StoreFails,
     /// Too many settings wait to be stored.
     StoreBusy,
-    /// The stored settings are damaged.
+    /// The stored settings are damaged, so that who may command is not known.
     Damaged,
     /// They are not.
     NotDamaged,
@@ -71,7 +69,6 @@ impl Refusal {
         match self {
             Self::NotAllowed(_)
             | Self::OnlyByUsb
-            | Self::AtBoard
             | Self::Malformed(_)
             | Self::Engine(Rejected::NotSupported) => Ack::Denied,
             _ => Ack::TemporarilyRejected,
@@ -113,7 +110,6 @@ impl core::fmt::Display for Refusal {
                 f.write_str("as the same start less than 5 s ago: wait for 5 s, then try again")
             }
             Self::OnlyByUsb => f.write_str("set it by USB: elsewhere it can be read on its way"),
-            Self::AtBoard => f.write_str("confirm it by USB, at the board"),
             Self::Turns => f.write_str("an engine turns or is ordered to run: stop it first"),
             Self::UnknownSetting => f.write_str("no parameter has this name"),
             Self::OutOfRange(row) => {
@@ -127,7 +123,7 @@ impl core::fmt::Display for Refusal {
             Self::StoreFails => f.write_str("it cannot be stored"),
             Self::StoreBusy => f.write_str("others are being stored"),
             Self::Damaged => {
-                f.write_str("the stored settings are damaged: check them all, then USER_1 service 30")
+                f.write_str("the stored settings are damaged: check them all by USB, then USER_1 service 30")
             }
             Self::NotDamaged => f.write_str("the settings are not damaged"),
             Self::NotAtRest => f.write_str("all engines have to be seen at rest"),

@@ -92,10 +92,12 @@ impl Fleet {
     }
 }
 
-/// The heartbeat of the node: how many engines it has, how many of them run, and how many need attention.
-pub(crate) const fn node_heartbeat(fleet: Fleet) -> HEARTBEAT_DATA {
-    let custom_mode = u32::from_le_bytes([fleet.engines, fleet.running, fleet.attention, 0]);
+/// The heartbeat of the node: how many engines it has, how many of them run, how many need attention, and whether the stored settings are
+/// damaged.
+pub(crate) const fn node_heartbeat(fleet: Fleet, damaged: bool) -> HEARTBEAT_DATA {
+    let custom_mode = u32::from_le_bytes([fleet.engines, fleet.running, fleet.attention, damaged as u8]);
     let status = match (fleet.running, fleet.attention) {
+        _ if damaged => SystemStatus::Critical,
         (_, 1..) => SystemStatus::Critical,
         (1.., _) => SystemStatus::Active,
         _ => SystemStatus::Standby,

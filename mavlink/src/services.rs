@@ -48,7 +48,7 @@ pub const TABLE: [Row; 10] = [
     Row {
         number: 30,
         params: "param2 = 21196",
-        text: "To the node, with all engines at rest: where the stored settings were damaged, those of now are right and are stored. Where there is USB, only there.",
+        text: "To the node, with all engines at rest: where the stored settings were damaged, those of now are right and are stored. Only by USB.",
     },
     Row {
         number: 40,
@@ -74,6 +74,11 @@ pub(crate) enum NodeService {
     /// Begin, or end.
     CalibrateStick(bool),
     Ecu(Service),
+}
+
+/// Whether a service stops an engine, and does nothing else.
+pub(crate) fn is_stop(first: f32) -> bool {
+    matches!(crate::number::whole(first), Some(1 | 3))
 }
 
 /// The service of a command, or what is wrong with it.

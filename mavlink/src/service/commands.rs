@@ -9,6 +9,7 @@ use crate::ids::{
     CMD_SET_MESSAGE_INTERVAL, CMD_USER_1, MESSAGE_EFI_STATUS, MESSAGE_HEARTBEAT, MESSAGE_NAMED_VALUE_FLOAT,
     MESSAGE_RC_CHANNELS, MESSAGE_RELAY_STATUS, Severity,
 };
+use crate::kind::Kind;
 use crate::number::whole;
 use crate::port::{Class, Interval};
 use crate::refusal::Refusal;
@@ -43,15 +44,37 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         confirmation: u8,
         params: [f32; 7],
     ) {
+        let [first, ..] = params;
+        let kind = Kind::of_command(command, first);
         // Component 0 is all components: none obeys that.
-        let Some(place) = self.addressed(now, port, target) else { return };
+        let Some(place) = self.commanded(now, port, target, kind) else { return };
         self.counters.commands = self.counters.commands.wrapping_add(1);
-        let answer = if self.may_command(from.system) {
-            self.obey(now, port, from, place, command, confirmation, params)
-        } else {
-            refuse(Refusal::NotAllowed(from.system))
+        let answer = match self.check(port, from.system, kind) {
+            Ok(()) => self.obey(now, port, from, place, command, confirmation, params),
+            Err(why) => refuse(why),
         };
         self.answer(now, port, from, place, command, answer);
+    }
+
+    /// Whether a system may do this by this port. Where the settings are lost, nobody knows who may: anybody may stop, and only a person
+    /// at the board may do more.
+    pub(super) fn check(&self, port: usize, system: u8, kind: Kind) -> Result<(), Refusal> {
+        match kind {
+            Kind::Stops if self.is_damaged() => Ok(()),
+            Kind::Acts if self.is_damaged() && !self.is_usb(port) => Err(Refusal::Damaged),
+            _ if self.may_command(system) => Ok(()),
+            _ => Err(Refusal::NotAllowed(system)),
+        }
+    }
+
+    /// Which component of ours is commanded. Where the id of the vehicle is lost with the settings, a stop counts whatever system it is
+    /// addressed to: the id is not learnt while an engine runs.
+    fn commanded(&self, now: Instant, port: usize, target: Address, kind: Kind) -> Option<Place> {
+        let lost = self.is_damaged() && self.vehicle.id().is_none();
+        if kind == Kind::Stops && lost {
+            return self.place(target.component);
+        }
+        self.addressed(now, port, target)
     }
 
     fn answer(&mut self, now: Instant, port: usize, to: Address, place: Place, command: u16, answer: Answer) {
@@ -122,7 +145,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
                     (Some(0), Some(0 | 1), Some(0), Some(0 | WHILE_DISARMED)) => {
                         self.stop_engine(now, engine)
                     }
-                    (Some(1), Some(0 | 1), Some(0), Some(0 | WHILE_DISARMED)) if self.damaged => {
+                    (Some(1), Some(0 | 1), Some(0), Some(0 | WHILE_DISARMED)) if self.is_damaged() => {
                         refuse(Refusal::Damaged)
                     }
                     (Some(1), Some(0 | 1), Some(0), Some(bits @ (0 | WHILE_DISARMED))) => {
@@ -184,9 +207,6 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         };
         match (service, place) {
             (NodeService::EmergencyStop, _) => self.emergency_stop(now, place),
-            (NodeService::ConfirmSettings, Place::Node) if self.is_away_from_board(port) => {
-                refuse(Refusal::AtBoard)
-            }
             (NodeService::ConfirmSettings, Place::Node) => done(self.confirm_settings()),
             (NodeService::ConfirmSettings, _) => {
                 refuse(Refusal::Malformed("address the component of the node"))
@@ -211,11 +231,12 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
 
     /// `COMMAND_CANCEL` of a start is a stop.
     pub(super) fn cancel(&mut self, now: Instant, port: usize, from: Address, target: Address, command: u16) {
-        let Some(place) = self.addressed(now, port, target) else { return };
+        let kind = Kind::of_cancel(command);
+        let Some(place) = self.commanded(now, port, target, kind) else { return };
         self.counters.commands = self.counters.commands.wrapping_add(1);
-        let answer = match (command, place) {
-            _ if !self.may_command(from.system) => refuse(Refusal::NotAllowed(from.system)),
-            (CMD_DO_ENGINE_CONTROL, Place::Engine(engine)) => {
+        let answer = match (self.check(port, from.system, kind), command, place) {
+            (Err(why), ..) => refuse(why),
+            (Ok(()), CMD_DO_ENGINE_CONTROL, Place::Engine(engine)) => {
                 self.stop_engine(now, engine).map(|ack| match ack {
                     Ack::Accepted => Ack::Cancelled,
                     ack => ack,

@@ -56,13 +56,16 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
                 }
             }
             SERVO_OUTPUT_RAW_DATA::ID => {
-                if self.autopilot_port == Some(port) && self.vehicle.is_autopilot(from) {
+                // Which output an engine follows is a setting.
+                if self.autopilot_port == Some(port) && self.vehicle.is_autopilot(from) && !self.is_damaged()
+                {
                     self.outputs(now, fields);
                 }
             }
             RC_CHANNELS_OVERRIDE_DATA::ID => {
                 let target = target(rc_channels_override::TARGET);
-                if own == Some(target.system) && self.may_command(from.system) {
+                let counts = self.may_command(from.system) && !self.is_damaged();
+                if own == Some(target.system) && counts {
                     self.channels(now, target, fields);
                 }
             }

@@ -8,8 +8,11 @@ use crate::record::{self, Record};
 use crate::refusal::Refusal;
 use crate::settings::{LEARNT, Table, find_row};
 use crate::store::NotSaved;
-use embassy_time::Instant;
+use embassy_time::{Duration, Instant};
 use jetlink::setting::{Effect, Row};
+
+/// Time between two texts that the settings are damaged.
+const DAMAGED_EVERY: Duration = Duration::from_secs(10);
 
 impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     /// Sets what happens to parameters that are set. By default the code that builds the service looks after them.
@@ -17,16 +20,31 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         self.keeping = keeping;
     }
 
-    /// Reports that the stored settings are damaged: no start is granted until a person confirms that the defaults, or what was set since,
-    /// are right (service 30).
+    /// Reports that the stored settings are damaged: nothing is obeyed but a stop, and what comes by USB but a start, until a person confirms
+    /// that the defaults, or what was set since, are right (service 30).
     pub fn set_damaged(&mut self, damaged: bool) {
-        self.damaged = damaged;
+        self.damaged = damaged.then_some(Instant::MIN);
         self.attached.set_damaged(damaged);
+    }
+
+    /// Whether the stored settings are damaged, and nobody has confirmed the present ones.
+    pub const fn is_damaged(&self) -> bool {
+        self.damaged.is_some()
+    }
+
+    /// Says on every port that they are, from time to time.
+    pub(super) fn report_damage(&mut self, now: Instant) {
+        if self.damaged.is_some_and(|due| now >= due) {
+            self.damaged = Some(now + DAMAGED_EVERY);
+            let text =
+                "settings DAMAGED: only stops are obeyed until a person confirms them by USB (service 30)";
+            self.say(now, Place::Node, Severity::Critical, None, format_args!("{text}"));
+        }
     }
 
     /// Confirms the present settings: all are stored anew.
     pub(super) fn confirm_settings(&mut self) -> Result<(), Refusal> {
-        if !self.damaged {
+        if !self.is_damaged() {
             return Err(Refusal::NotDamaged);
         }
         if !self.is_at_rest() {

@@ -101,8 +101,8 @@ pub struct Service<'a, const N: usize, const P: usize, A: Attached = Nothing> {
     signing_sent: u8,
     reboot: bool,
     keeping: Keeping,
-    /// The stored settings are damaged, and nobody has confirmed the present ones.
-    damaged: bool,
+    /// The stored settings are damaged, and nobody has confirmed the present ones: when a text says so again.
+    damaged: Option<Instant>,
     /// All records have to be stored anew.
     anew: bool,
     /// Parameters that were set and are not stored yet.
@@ -195,7 +195,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             signing_sent: 0,
             reboot: false,
             keeping: Keeping::ByBuilder,
-            damaged: false,
+            damaged: None,
             anew: false,
             pending: Deque::new(),
             counters: Counters::default(),

@@ -44,6 +44,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         self.report_attached(now);
         if now >= self.next_heartbeat {
             self.next_heartbeat = now + HEARTBEAT_EVERY;
+            self.report_damage(now);
             self.send_signing(now);
             for port in 0..self.ports.len() {
                 self.send_heartbeat(now, port, Place::Node);
@@ -154,7 +155,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
 
     pub(super) fn send_heartbeat(&mut self, now: Instant, port: usize, place: Place) {
         let message = match place {
-            Place::Node => node_heartbeat(self.fleet()),
+            Place::Node => node_heartbeat(self.fleet(), self.is_damaged()),
             Place::Engine(place) => {
                 let Some(engine) = self.engines.get(place) else { return };
                 heartbeat(&engine.telemetry(), engine.is_at_run())

@@ -7,6 +7,7 @@ use crate::dialect::PARAM_VALUE_DATA;
 use crate::engine::Engine;
 use crate::frame::Address;
 use crate::ids::{PARAM_REAL32, Severity};
+use crate::kind::Kind;
 use crate::number::whole;
 use crate::port::{Class, List};
 use crate::refusal::Refusal;
@@ -156,12 +157,10 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
             return;
         };
         let old = self.value(place, row.name).unwrap_or_default();
-        let result = if !self.may_command(from.system) {
-            Err(Refusal::NotAllowed(from.system))
-        } else if self.pending.is_full() {
-            Err(Refusal::StoreBusy)
-        } else {
-            self.set(place, row, value)
+        let result = match self.check(port, from.system, Kind::Acts) {
+            Ok(()) if self.pending.is_full() => Err(Refusal::StoreBusy),
+            Ok(()) => self.set(place, row, value),
+            Err(why) => Err(why),
         };
         self.keep(now, port, place, index, old, result);
     }

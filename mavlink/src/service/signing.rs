@@ -12,13 +12,9 @@ use crate::signing::{Key, Stamp};
 use embassy_time::Instant;
 
 impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
-    fn is_usb(&self, port: usize) -> bool {
+    /// Whether whoever uses this port is a person at the board.
+    pub(super) fn is_usb(&self, port: usize) -> bool {
         self.ports.get(port).is_some_and(|port| port.config.usb)
-    }
-
-    /// Whether a port is not the one for what needs a person at the board: there is USB, and this is another port.
-    pub(super) fn is_away_from_board(&self, port: usize) -> bool {
-        cfg!(feature = "signing") && self.ports.iter().any(|port| port.config.usb) && !self.is_usb(port)
     }
 
     /// Whether a frame may do anything. With a key, only what is signed and new; by USB everything may.

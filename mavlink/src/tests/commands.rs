@@ -402,13 +402,11 @@ fn damaged_settings_grant_no_start_until_a_person_confirms_them() {
         assert!(text.contains("the stored settings are damaged"), "{text}");
         world.pass(6.0).await;
         assert_eq!(world.telemetry(0).ordered.order, Order::Standby, "nor later");
-        // Only at the board, where there is USB; the ground station's port is.
-        if cfg!(feature = "signing") {
-            let away = world.command_from(TO_AUTOPILOT, GROUND, (SYSTEM, NODE), USER, 0, CONFIRM_SETTINGS);
-            let (answer, text) = away.await;
-            assert_eq!((answer, world.service.borrow_mut().take_anew()), (Some(2), false), "{text}");
-            assert!(text.contains("by USB"), "{text}");
-        }
+        // Only at the board; the ground station's port is USB.
+        let away = world.command_from(TO_AUTOPILOT, GROUND, (SYSTEM, NODE), USER, 0, CONFIRM_SETTINGS);
+        let (answer, text) = away.await;
+        assert_eq!((answer, world.service.borrow_mut().take_anew()), (NOT_NOW, false), "{text}");
+        assert!(text.contains("by USB"), "{text}");
         let (answer, text) = world.command(NODE, USER, CONFIRM_SETTINGS).await;
         assert_eq!((answer, world.service.borrow_mut().take_anew()), (ACCEPTED, true), "{text}");
         world.start(0).await;

@@ -3,6 +3,7 @@
 
 mod attached;
 mod commands;
+mod damaged;
 mod fram;
 mod mutated;
 mod packets;

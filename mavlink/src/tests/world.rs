@@ -233,11 +233,22 @@ impl World<'_> {
 
     /// The node's service begins anew, as after a reset: it knows nothing of before but the settings.
     pub fn restart_service(&self) {
+        let settings = *self.service.borrow().settings();
+        self.restart_with(settings);
+    }
+
+    /// The same, and the stored settings are damaged: the defaults count.
+    pub fn lose_settings(&self) {
+        self.restart_with(NodeSettings::DEFAULT);
+        self.service.borrow_mut().set_damaged(true);
+    }
+
+    fn restart_with(&self, settings: NodeSettings) {
         let now = Instant::now();
-        let (settings, signing, engines): (_, _, Vec<_>) = {
+        let (signing, engines): (_, Vec<_>) = {
             let service = self.service.borrow();
             let engines = service.engine_settings().map(|(config, of)| (*config, *of)).collect();
-            (*service.settings(), service.signing(now), engines)
+            (service.signing(now), engines)
         };
         let ports = self.ports;
         // The sources are given back first.

@@ -1,0 +1,199 @@
+//! A node whose stored settings are damaged: who may command, the key and every setting are not known. Only a stop counts, and what a
+//! person does at the board.
+
+use super::world::*;
+use crate::dialect::*;
+use crate::frame::Address;
+use crate::ids::*;
+use crate::port::PortConfig;
+use crate::settings::{Identity, NodeSettings};
+use crate::signing::SigningState;
+use jetlink::command::Order;
+use jetlink::engine::state::EngineState;
+use jetlink::event::LossStage;
+use std::vec::Vec;
+
+const ACCEPTED: Option<u8> = Some(Ack::Accepted as u8);
+const NOT_NOW: Option<u8> = Some(Ack::TemporarilyRejected as u8);
+const DENIED: Option<u8> = Some(Ack::Denied as u8);
+const CONFIRM: &[f32] = &[30.0, 21196.0];
+const EMERGENCY_STOP: &[f32] = &[1.0, 21196.0];
+const RELEASE: &[f32] = &[2.0, 21196.0];
+/// A system that may not command.
+const STRANGER: Address = Address { system: 77, component: 1 };
+
+/// The vehicle's id is set in the image.
+fn known() -> NodeSettings {
+    NodeSettings { identity: Identity { system: SYSTEM, ..Identity::DEFAULT }, ..NodeSettings::DEFAULT }
+}
+
+/// The ground station is on a radio: nobody is at the board.
+fn run_on_a_radio(settings: NodeSettings, scenario: impl AsyncFnOnce(&World<'_>)) {
+    run_signed(settings, SigningState::NONE, PortConfig::network(), scenario);
+}
+
+fn stop_of(engine: usize, system: u8) -> COMMAND_LONG_DATA {
+    COMMAND_LONG_DATA {
+        command: CMD_DO_ENGINE_CONTROL,
+        target_system: system,
+        target_component: ENGINE[engine],
+        ..Default::default()
+    }
+}
+
+#[test]
+fn nothing_is_obeyed_by_radio_but_a_stop_and_a_stop_of_anybody_is() {
+    run_on_a_radio(known(), async |world| {
+        world.ready().await;
+        world.start(1).await;
+        world.service.borrow_mut().set_damaged(true);
+        // Of those who may command by the defaults, too.
+        for (component, params) in
+            [(ENGINE[0], RELEASE), (ENGINE[0], &[10.0][..]), (ENGINE[1], &[20.0, 5.0]), (NODE, CONFIRM)]
+        {
+            let (answer, text) = world.command(component, CMD_USER_1, params).await;
+            assert!(answer == NOT_NOW || answer == DENIED, "{params:?}: {answer:?} {text}");
+            assert!(text.contains("damaged"), "{params:?}: {text}");
+        }
+        let (answer, text) = world.control(0, &[1.0]).await;
+        assert!(answer == NOT_NOW && text.contains("damaged"), "{answer:?} {text}");
+        let (answer, text) = world.command(NODE, CMD_PREFLIGHT_REBOOT_SHUTDOWN, &[1.0]).await;
+        assert!(answer == NOT_NOW && text.contains("damaged"), "{answer:?} {text}");
+        for (component, name, value) in [(NODE, "MAV_GCS_2", 9.0), (ENGINE[1], "LOSS_HOLD", 5.0)] {
+            let (echo, text) = world.set(component, name, value).await;
+            assert!(echo.is_some_and(|echo| echo != value) && text.contains("damaged"), "{echo:?} {text}");
+        }
+        // To read is no danger.
+        assert_eq!(world.command(ENGINE[0], CMD_REQUEST_MESSAGE, &[225.0]).await.0, ACCEPTED);
+        assert_eq!(world.telemetry(1).state, EngineState::Running, "none of it has touched the engine");
+        // A stop is, from whoever sends it: nobody knows who may.
+        let stop = world.frame(TO_GROUND, STRANGER, &stop_of(1, SYSTEM));
+        let to = (SYSTEM, ENGINE[1]);
+        let answer = world.answer_to(TO_GROUND, &stop, STRANGER, to, CMD_DO_ENGINE_CONTROL).await;
+        assert_eq!(answer.0, ACCEPTED, "{}", answer.1);
+        world.until("stopped", 10, || world.telemetry(1).ordered.order == Order::Standby).await;
+        let from = Address { system: 78, ..STRANGER };
+        let answer = world.command_from(TO_GROUND, from, (SYSTEM, NODE), CMD_USER_1, 0, EMERGENCY_STOP).await;
+        assert_eq!(answer.0, ACCEPTED, "{}", answer.1);
+        world.until("latched", 10, || (0..2).all(|engine| world.telemetry(engine).stop_latched)).await;
+        // With whole settings a stranger stops nothing.
+        world.service.borrow_mut().set_damaged(false);
+        assert_eq!(world.command(ENGINE[0], CMD_USER_1, RELEASE).await.0, ACCEPTED);
+        let answer = world.command_from(TO_GROUND, from, (SYSTEM, NODE), CMD_USER_1, 0, EMERGENCY_STOP).await;
+        assert_eq!(answer.0, DENIED, "{}", answer.1);
+    });
+}
+
+#[test]
+fn a_person_at_the_board_sets_and_confirms() {
+    run(async |world| {
+        world.ready().await;
+        world.service.borrow_mut().set_damaged(true);
+        assert_eq!(world.set(NODE, "MAV_GCS_2", 9.0).await.0, Some(9.0));
+        assert_eq!(world.set(ENGINE[1], "LOSS_HOLD", 500.0).await.0, Some(500.0));
+        let (answer, text) = world.control(0, &[1.0]).await;
+        assert!(answer == NOT_NOW && text.contains("damaged"), "a start takes the confirmation: {text}");
+        // Not by the autopilot's port.
+        let away = world.command_from(TO_AUTOPILOT, GROUND, (SYSTEM, NODE), CMD_USER_1, 0, CONFIRM).await;
+        assert!(away.0 == NOT_NOW && !world.service.borrow_mut().take_anew(), "{away:?}");
+        assert_eq!(world.command(NODE, CMD_USER_1, CONFIRM).await.0, ACCEPTED);
+        assert!(world.service.borrow_mut().take_anew() && !world.service.borrow().is_damaged());
+        world.pass(6.0).await;
+        world.start(0).await;
+    });
+}
+
+/// The id of the vehicle was learnt, and is lost with the settings: nothing is addressed to a system that the node knows.
+#[test]
+fn a_stop_counts_though_the_id_of_the_vehicle_is_lost() {
+    run_on_a_radio(known(), async |world| {
+        world.ready().await;
+        world.start(1).await;
+        world.lose_settings();
+        world.pass(3.0).await;
+        assert_eq!(world.service.borrow().system_id(), None, "it is not learnt while an engine runs");
+        // Not all components, and none of ours.
+        for component in [0, 1, 99] {
+            let stop = COMMAND_LONG_DATA { target_component: component, ..stop_of(1, SYSTEM) };
+            world.say(TO_AUTOPILOT, GROUND, &stop);
+        }
+        world.say(TO_AUTOPILOT, GROUND, &COMMAND_LONG_DATA { param1: 1.0, ..stop_of(0, SYSTEM) });
+        world.pass(2.0).await;
+        assert!(matches!(world.telemetry(1).ordered.order, Order::Run(_)));
+        assert_eq!(world.telemetry(0).ordered.order, Order::Standby, "and no start");
+        let cancel = COMMAND_CANCEL_DATA {
+            command: CMD_DO_ENGINE_CONTROL,
+            target_system: SYSTEM,
+            target_component: ENGINE[1],
+        };
+        world.say(TO_AUTOPILOT, GROUND, &cancel);
+        world.until("stopped", 2, || world.telemetry(1).ordered.order == Order::Standby).await;
+    });
+}
+
+/// Which output is the throttle of an engine is a setting, too: the demand of a running engine goes through the stages of loss, and
+/// nothing shuts it down.
+#[test]
+fn a_running_engine_runs_on_at_the_fail_safe_throttle() {
+    run_on_a_radio(known(), async |world| {
+        world.ready().await;
+        world.start(1).await;
+        world.throttle(1500);
+        world.until("half throttle", 20, || world.ordered(1) == Some(500)).await;
+        world.service.borrow_mut().set_damaged(true);
+        world.pass(1.5).await;
+        assert_eq!(world.ordered(1), Some(500), "held");
+        world.until("idle", 10, || world.ordered(1) == Some(0)).await;
+        world.throttle(1900);
+        for _ in 0..120 {
+            world.pass(1.0).await;
+            let telemetry = world.telemetry(1);
+            assert_eq!((world.ordered(1), telemetry.state), (Some(0), EngineState::Running));
+            assert_eq!(telemetry.loss, LossStage::FailSafe);
+        }
+        // Confirmed, it follows again.
+        world.service.borrow_mut().set_damaged(false);
+        world.until("full throttle", 20, || world.ordered(1) == Some(1000)).await;
+    });
+}
+
+#[test]
+fn it_is_said_on_every_port_until_it_is_confirmed() {
+    run(async |world| {
+        world.ready().await;
+        let said = |world: &World<'_>, at: usize| {
+            let frames = world.frames.borrow();
+            let texts = frames.iter().skip(at).filter_map(|(_, port, frame)| match &frame.message() {
+                MavMessage::STATUSTEXT(text) if text.text.to_str().is_ok_and(|it| it.contains("DAMAGED")) => {
+                    assert_eq!((text.severity, frame.from.component), (Severity::Critical as u8, NODE));
+                    Some(*port)
+                }
+                _ => None,
+            });
+            texts.collect::<Vec<_>>()
+        };
+        // The highest byte of custom_mode, and whether it is critical.
+        let shown = |world: &World<'_>| {
+            let frames = world.frames.borrow();
+            let last = frames.iter().rev().find_map(|(_, _, frame)| match &frame.message() {
+                MavMessage::HEARTBEAT(beat) if frame.from.component == NODE => Some(beat.clone()),
+                _ => None,
+            });
+            let last = last.unwrap();
+            (last.custom_mode >> 24, last.system_status == SystemStatus::Critical as u8)
+        };
+        assert_eq!((said(world, 0).len(), shown(world)), (0, (0, false)));
+        world.service.borrow_mut().set_damaged(true);
+        let at = world.frames.borrow().len();
+        world.pass(25.0).await;
+        let ports = said(world, at);
+        for port in [TO_AUTOPILOT, TO_GROUND] {
+            assert_eq!(ports.iter().filter(|&&other| other == port).count(), 3, "{ports:?}");
+        }
+        assert_eq!(shown(world), (1, true));
+        assert_eq!(world.command(NODE, CMD_USER_1, CONFIRM).await.0, ACCEPTED);
+        let at = world.frames.borrow().len();
+        world.pass(25.0).await;
+        assert_eq!((said(world, at).len(), shown(world)), (0, (0, false)));
+    });
+}
