@@ -15,6 +15,8 @@ use jetlink::config::{EngineConfig, validate};
 use jetlink::node::Node;
 use jetlink_fw::config::{ENGINES, TELEMETRY};
 use jetlink_mavlink::port::PortConfig;
+#[cfg(feature = "usb")]
+use jetlink_mavlink::record::read_signing;
 use jetlink_mavlink::record::{apply_to_engine, apply_to_node, engine_of_attached};
 use jetlink_mavlink::service::{EngineParts, Keeping, Request, Service};
 use jetlink_mavlink::settings::{EngineSettings, NodeSettings};
@@ -37,9 +39,10 @@ pub const USB_PORT: usize = 1;
 /// Runs the service of this node on its ports.
 pub type Runner = jetlink_mavlink::runner::Runner<'static, N, PORTS, Chosen>;
 
-/// Most records that are stored, by this image or another one.
+/// Most records that are stored, by this image or another one: of the node, of engines and what is attached to each, and of signing, which an
+/// image with USB may have stored.
 const RECORDS: usize = {
-    let own = 1 + N * (1 + ANY as usize);
+    let own = 1 + N * (1 + ANY as usize) + 1;
     if own > KEYS { own } else { KEYS }
 };
 
@@ -57,6 +60,9 @@ pub struct Settings {
     own: [EngineSettings; N],
     /// Of radio control and outputs.
     pub attached: attached::Settings,
+    /// Key and last time stamp.
+    #[cfg(feature = "usb")]
+    signing: Option<SigningState>,
     store: Option<&'static mut Store>,
     found: Found,
 }
@@ -69,6 +75,8 @@ impl Settings {
             engines: ENGINES,
             own: [EngineSettings::DEFAULT; N],
             attached: attached::Settings::new(),
+            #[cfg(feature = "usb")]
+            signing: None,
             store: None,
             found: Found::Empty,
         }
@@ -85,6 +93,11 @@ pub fn load(settings: &mut Settings) {
     };
     // It waits for nothing: only writes and erases do.
     let (store, found) = block_on(Store::load(storage, &AT_REST, &mut |key, record| {
+        #[cfg(feature = "usb")]
+        if let Some(stored) = read_signing(key, record) {
+            settings.signing = Some(stored);
+            return;
+        }
         if ANY && let Some(engine) = engine_of_attached(key) {
             return settings.attached.apply(engine, record);
         }
@@ -122,7 +135,11 @@ pub struct Mavlink {
 #[expect(clippy::disallowed_methods, reason = "the service begins now")]
 pub fn build(node: &'static Node<N>, settings: Settings, radio: Option<&'static Radio>) -> Mavlink {
     static RUNNER: StaticCell<Runner> = StaticCell::new();
-    let Settings { node: of_node, engines, own, attached, store, found } = settings;
+    #[cfg(feature = "usb")]
+    let signing = signing(settings.signing);
+    #[cfg(not(feature = "usb"))]
+    let signing = SigningState::NONE;
+    let Settings { node: of_node, engines, own, attached, store, found, .. } = settings;
     let owners = node.owners().into_iter();
     let engines = owners.zip(engines).zip(own).map(|((owner, config), settings)| EngineParts {
         source: defmt::unwrap!(owner.source(Origin::Mavlink)),
@@ -134,7 +151,7 @@ pub fn build(node: &'static Node<N>, settings: Settings, radio: Option<&'static 
     let now = embassy_time::Instant::now();
     let runner = RUNNER.init_with(|| {
         let attached = With::<ANY>::attach(radio, &attached);
-        let mut service = Service::with(now, of_node, signing(), engines, ports, attached);
+        let mut service = Service::with(now, of_node, signing, engines, ports, attached);
         service.set_keeping(if store.is_some() { Keeping::Stored } else { Keeping::Lost });
         service.set_damaged(found == Found::Damaged);
         if PORTS > USB_PORT {
@@ -146,16 +163,14 @@ pub fn build(node: &'static Node<N>, settings: Settings, radio: Option<&'static 
     Mavlink { runner, node, store }
 }
 
-/// The key and its last time stamp, as a reset leaves them.
-fn signing() -> SigningState {
-    #[cfg(feature = "usb")]
-    if let Some(retained) = board::key::KEY.load() {
-        if retained.key().is_some() {
-            defmt::info!("MAVLink: with the key from before the reset");
-        }
-        return retained;
+/// The key and its last time stamp, as a reset leaves them, or as they are stored.
+#[cfg(feature = "usb")]
+fn signing(stored: Option<SigningState>) -> SigningState {
+    let state = SigningState::at_start(board::key::KEY.load(), stored);
+    if state.key().is_some() {
+        defmt::info!("MAVLink: with a key for signing");
     }
-    SigningState::NONE
+    state
 }
 
 /// Time between two looks at what of signing has to survive a reset.

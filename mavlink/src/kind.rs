@@ -1,10 +1,18 @@
 //! What a message that came in would do: a stop is the least that a node obeys, and to read is no danger.
 
+#[cfg(feature = "signing")]
+use crate::dialect::{COMMAND_INT_DATA, COMMAND_LONG_DATA, PARAM_SET_DATA};
+#[cfg(feature = "signing")]
+use crate::fields::{command, param_set};
+#[cfg(feature = "signing")]
+use crate::frame::{Address, Frame};
 use crate::ids::{
     CMD_DO_ENGINE_CONTROL, CMD_DO_FLIGHTTERMINATION, CMD_PREFLIGHT_REBOOT_SHUTDOWN, CMD_USER_1,
 };
 use crate::number::whole;
 use crate::services::is_stop;
+#[cfg(feature = "signing")]
+use mavlink_core::MessageData;
 
 /// Kind of a message.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -26,6 +34,21 @@ impl Kind {
             CMD_DO_FLIGHTTERMINATION => Self::Stops,
             CMD_DO_ENGINE_CONTROL | CMD_USER_1 | CMD_PREFLIGHT_REBOOT_SHUTDOWN => Self::Acts,
             _ => Self::Reads,
+        }
+    }
+
+    /// Of a frame that is not a `COMMAND_CANCEL`, with what it is addressed to.
+    #[cfg(feature = "signing")]
+    pub fn of_frame(frame: &Frame) -> (Self, Address) {
+        let fields = &frame.fields;
+        let target = |at| Address { system: fields.u8(at), component: fields.u8(at + 1) };
+        match frame.id {
+            COMMAND_LONG_DATA::ID | COMMAND_INT_DATA::ID => {
+                let kind = Self::of_command(fields.u16(command::COMMAND), fields.f32(command::PARAMS));
+                (kind, target(command::TARGET))
+            }
+            PARAM_SET_DATA::ID => (Self::Acts, target(param_set::TARGET)),
+            _ => (Self::Reads, Address { system: 0, component: 0 }),
         }
     }
 

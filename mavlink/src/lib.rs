@@ -7,7 +7,7 @@
 //! | module | contents |
 //! |---|---|
 //! | [`ids`], [`frame`] | numbers of MAVLink; frames to messages and back |
-//! | [`signing`], `retained` | who has the key may command; the key over a reset |
+//! | [`signing`], `retained`, `cover` | who has the key may command; the key over a reset, and over a loss of power |
 //! | [`store`], [`record`], [`fram`] | settings that stay; an F-RAM that holds them |
 //! | [`settings`], [`services`], [`refusal`] | parameters; the table of services; why something was refused |
 //! | `vehicle`, `servo`, `request` | our autopilot, its arming, its outputs, and the requested rate |
@@ -27,6 +27,8 @@
 extern crate std;
 
 pub mod attached;
+#[cfg(feature = "signing")]
+mod cover;
 mod dialect;
 mod engine;
 mod fields;

@@ -2,6 +2,8 @@
 //! others.
 
 use crate::settings::{EngineSettings, NodeSettings, Table, find_row};
+#[cfg(feature = "signing")]
+use crate::signing::{Key, SigningState, Stamp};
 use crate::store::RECORD;
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use heapless::Vec;
@@ -34,6 +36,33 @@ pub(crate) fn attached_key(engine: usize) -> Option<u8> {
 /// The engine, from 0, whose attached settings are in the record of this key.
 pub fn engine_of_attached(key: u8) -> Option<usize> {
     key.checked_sub(FIRST_ATTACHED).map(usize::from)
+}
+
+/// Key of the record of signing, between the engines' and those of what is attached. An image without signing ignores it.
+#[cfg(feature = "signing")]
+pub(crate) const SIGNING_KEY: u8 = 0x80;
+/// What it is of.
+#[cfg(feature = "signing")]
+const SIGNING: u8 = 0xFE;
+
+/// The record of a key, or of none, and a time stamp.
+#[cfg(feature = "signing")]
+pub(crate) fn of_signing(key: Option<&Key>, stamp: Stamp) -> Record {
+    let mut record = Record::new();
+    // There is space.
+    let _ = record.push(SIGNING);
+    let _ = record.extend_from_slice(&key.map_or([0; 32], Key::bytes));
+    let _ = record.extend_from_slice(&stamp.get().to_le_bytes());
+    record
+}
+
+/// Takes key and time stamp from a record, if it is the one of signing.
+#[cfg(feature = "signing")]
+pub fn read_signing(key: u8, record: &[u8]) -> Option<SigningState> {
+    let (&kind, content) = record.split_first().filter(|_| key == SIGNING_KEY)?;
+    let (bytes, stamp) = content.split_first_chunk().filter(|_| kind == SIGNING)?;
+    let stamp = Stamp::new(u64::from_le_bytes(stamp.try_into().ok()?))?;
+    Some(SigningState::new(Key::new(*bytes), stamp))
 }
 
 /// An engine's record fits one with the same kind of ECU.

@@ -1,4 +1,4 @@
-//! Key and last time stamp in RAM that survives a reset. **Not a loss of power**: then the key has to be set again.
+//! Key and last time stamp in RAM that survives a reset, not a loss of power.
 //!
 //! A reset may come in the middle of a write: there are two copies, each with a checksum and a number, and they are written in turn. What
 //! else a power-up leaves there has no right checksum.

@@ -79,6 +79,10 @@ impl<'a, const N: usize, const P: usize, A: Attached> Runner<'a, N, P, A> {
                         waiting.signal(());
                     }
                 }
+                // Key and time stamp are stored without a frame that comes, too.
+                if cfg!(feature = "signing") && !service.is_saved() {
+                    self.to_save.signal(());
+                }
                 after(now, &service);
                 if let Some(new) = service.take_request() {
                     request.get_or_insert((new, now + ANSWERED));
@@ -181,7 +185,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Runner<'a, N, P, A> {
                 } else {
                     let next = match place {
                         Some(place) => self.service.borrow().record(place),
-                        None => self.service.borrow().next_save(),
+                        None => self.service.borrow_mut().next_save(),
                     };
                     match next {
                         Some((key, record)) => store.save(key, &record).await,

@@ -67,6 +67,9 @@ impl core::fmt::Debug for Key {
 pub struct Stamp(u64);
 
 impl Stamp {
+    /// The first one.
+    pub(crate) const ZERO: Self = Self(0);
+
     /// The last one.
     pub const MAX: Self = Self((1 << 48) - 1);
 
@@ -82,6 +85,12 @@ impl Stamp {
 
     const fn units(time: Duration) -> u64 {
         time.as_micros() / 10
+    }
+
+    /// The stamp of so much later.
+    #[cfg(feature = "signing")]
+    pub(crate) fn later(self, time: Duration) -> Self {
+        self.after(Self::units(time))
     }
 
     fn after(self, units: u64) -> Self {
@@ -189,7 +198,20 @@ pub struct SigningState {
 
 impl SigningState {
     /// Without a key: nothing is signed, and nothing has to be.
-    pub const NONE: Self = Self::new(None, Stamp(0));
+    pub const NONE: Self = Self::new(None, Stamp::ZERO);
+
+    /// What counts at a start: what a reset has left in RAM, and what is stored. The newer stamp counts, and the key in RAM, which is as new.
+    /// No key in RAM clears none that is stored: it may not have been read at the last start.
+    #[cfg(feature = "signing")]
+    pub fn at_start(retained: Option<Self>, stored: Option<Self>) -> Self {
+        match (retained, stored) {
+            (Some(retained), Some(stored)) if retained.key.is_none() || retained.key == stored.key => {
+                Self::new(stored.key, retained.stamp.max(stored.stamp))
+            }
+            (Some(state), _) | (None, Some(state)) => state,
+            (None, None) => Self::NONE,
+        }
+    }
 
     /// A key, and the last time stamp that was used.
     pub const fn new(key: Option<Key>, stamp: Stamp) -> Self {
@@ -213,12 +235,21 @@ pub(crate) struct Signing {
     state: SigningState,
     /// A stamp, and the time at which it was right: the clock continues from there.
     clock: (Stamp, Instant),
+    /// Where the senders were lost: what acts has to be signed with a later stamp than this.
+    floor: Stamp,
 }
 
 impl Signing {
-    pub const fn new(now: Instant, state: SigningState) -> Self {
+    pub fn new(now: Instant, state: SigningState) -> Self {
         let clock = (state.stamp, now);
-        Self { state, clock }
+        let floor = if state.streams.is_empty() { state.stamp } else { Stamp::ZERO };
+        Self { state, clock, floor }
+    }
+
+    /// Whether something that acts is so new that it cannot have been obeyed before the start.
+    #[cfg(feature = "signing")]
+    pub fn is_new(&self, stamp: Stamp) -> bool {
+        stamp > self.floor
     }
 
     pub const fn key(&self) -> Option<&Key> {
@@ -231,12 +262,19 @@ impl Signing {
         SigningState { stamp: self.stamp(now), ..self.state.clone() }
     }
 
+    /// The last stamp that was used or accepted.
+    #[cfg(feature = "signing")]
+    pub const fn last(&self) -> Stamp {
+        self.state.stamp
+    }
+
     /// Bytes that signing adds to a frame.
     pub const fn overhead(&self) -> usize {
         if self.key().is_some() { SIGNATURE } else { 0 }
     }
 
-    fn stamp(&self, now: Instant) -> Stamp {
+    /// Its clock: no earlier than what was used or accepted.
+    pub fn stamp(&self, now: Instant) -> Stamp {
         let (stamp, at) = self.clock;
         stamp.after(Stamp::units(now.saturating_duration_since(at))).max(self.state.stamp)
     }
@@ -299,6 +337,7 @@ impl Signing {
         let stamp = if replaced { stamp } else { self.stamp(now).max(stamp) };
         if self.state.key != key {
             self.state = SigningState::new(key, stamp);
+            self.floor = stamp;
         }
         self.state.stamp = stamp;
         self.clock = (stamp, now);

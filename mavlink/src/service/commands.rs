@@ -53,6 +53,10 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
             Ok(()) => self.obey(now, port, from, place, command, confirmation, params),
             Err(why) => refuse(why),
         };
+        #[cfg(feature = "signing")]
+        if kind == Kind::Stops && answer.is_ok() {
+            self.cover.stopped();
+        }
         self.answer(now, port, from, place, command, answer);
     }
 
@@ -62,6 +66,8 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         match kind {
             Kind::Stops if self.is_damaged() => Ok(()),
             Kind::Acts if self.is_damaged() && !self.is_usb(port) => Err(Refusal::Damaged),
+            #[cfg(feature = "signing")]
+            Kind::Acts if let Some(why) = self.cover.refusing => Err(why),
             _ if self.may_command(system) => Ok(()),
             _ => Err(Refusal::NotAllowed(system)),
         }
@@ -234,6 +240,10 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         let kind = Kind::of_cancel(command);
         let Some(place) = self.commanded(now, port, target, kind) else { return };
         self.counters.commands = self.counters.commands.wrapping_add(1);
+        #[cfg(feature = "signing")]
+        if kind == Kind::Stops {
+            self.cover.stopped();
+        }
         let answer = match (self.check(port, from.system, kind), command, place) {
             (Err(why), ..) => refuse(why),
             (Ok(()), CMD_DO_ENGINE_CONTROL, Place::Engine(engine)) => {

@@ -17,7 +17,8 @@ use jetlink::command::Order;
 use mavlink_core::MessageData;
 
 impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
-    pub(super) fn handle(&mut self, now: Instant, port: usize, frame: Frame) {
+    /// Does what a frame says. `has_waited`: it has been admitted before.
+    pub(super) fn handle(&mut self, now: Instant, port: usize, frame: Frame, has_waited: bool) {
         let from = frame.from;
         // Our own frames may come back.
         let own = self.system(now, port);
@@ -37,7 +38,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
             }
             return;
         }
-        if !self.admits(now, port, &frame) {
+        if !has_waited && !self.admits(now, port, &frame) {
             return;
         }
         match frame.id {

@@ -73,7 +73,11 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     }
 
     /// The next record to store, with its key. [`Service::saved`] has to follow.
-    pub fn next_save(&self) -> Option<(u8, Record)> {
+    pub fn next_save(&mut self) -> Option<(u8, Record)> {
+        #[cfg(feature = "signing")]
+        if let Some(stamp) = self.cover.next_save() {
+            return Some((record::SIGNING_KEY, record::of_signing(self.signing.key(), stamp)));
+        }
         let pending = self.pending.front()?;
         let place = match pending.place.engine() {
             None => 0,
@@ -83,8 +87,12 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         self.record(place)
     }
 
-    /// Number of records: of the node, then of the engines, then of what is attached for each of them.
+    /// Number of records: of the node, then of the engines, then of what is attached for each of them, then of signing.
     pub fn places(&self) -> usize {
+        self.places_of_settings() + usize::from(cfg!(feature = "signing"))
+    }
+
+    fn places_of_settings(&self) -> usize {
         1 + self.engines.len() * (1 + usize::from(!self.attached.rows().is_empty()))
     }
 
@@ -94,7 +102,12 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         if let Some(of) = self.engines.get(engine) {
             return Some((u8::try_from(place).ok()?, record::of_engine(&of.config, &of.settings)));
         }
-        let engine = engine.checked_sub(self.engines.len()).filter(|_| place < self.places())?;
+        #[cfg(feature = "signing")]
+        if place == self.places_of_settings() {
+            let stamp = self.cover.latest().max(self.signing.last());
+            return Some((record::SIGNING_KEY, record::of_signing(self.signing.key(), stamp)));
+        }
+        let engine = engine.checked_sub(self.engines.len()).filter(|_| place < self.places_of_settings())?;
         let attached = &self.attached;
         let record = record::of_attached(attached.rows(), &|name| attached.number(engine, name));
         Some((record::attached_key(engine)?, record))
@@ -111,6 +124,16 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     /// Takes the result of the save that [`Service::next_save`] requested: the setting is answered, and is as before if it was
     /// not saved.
     pub fn saved(&mut self, now: Instant, result: Result<(), NotSaved>) {
+        #[cfg(feature = "signing")]
+        if self.cover.saved(result) {
+            if let Err(why) = result
+                && self.cover.says(why)
+            {
+                let text = "signing is not stored: a loss of power brings back the key and time of before";
+                self.say(now, Place::Node, Severity::Warning, None, format_args!("{text}"));
+            }
+            return;
+        }
         let Some(Pending { port, place, index, old }) = self.pending.pop_front() else { return };
         let result = match result {
             Ok(()) => Ok(()),
@@ -198,6 +221,10 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
 
     /// Whether nothing waits to be stored.
     pub fn is_saved(&self) -> bool {
+        #[cfg(feature = "signing")]
+        if self.cover.is_saving() {
+            return false;
+        }
         self.pending.is_empty()
     }
 

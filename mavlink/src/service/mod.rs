@@ -8,6 +8,8 @@ pub mod parameters;
 mod signing;
 
 use crate::attached::{Attached, Nothing, sealed::Streams};
+#[cfg(feature = "signing")]
+use crate::cover::Cover;
 pub use crate::engine::EngineParts;
 use crate::engine::{Engine, Situation};
 use crate::frame::Address;
@@ -82,6 +84,8 @@ pub struct Service<'a, const N: usize, const P: usize, A: Attached = Nothing> {
     engines: Vec<Engine<'a>, N>,
     ports: Vec<Port<N>, P>,
     signing: Signing,
+    #[cfg(feature = "signing")]
+    cover: Cover,
     vehicle: Vehicle,
     request: RateRequest,
     /// Clocks of outputs 1 to 16 and 17 to 32.
@@ -182,6 +186,8 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             ports: ports.into_iter().take(P).map(|config| Port::new(now, config, count)).collect(),
             engines,
             signing: Signing::new(now, signing),
+            #[cfg(feature = "signing")]
+            cover: Cover::new(now),
             vehicle: Vehicle::new(settings.identity.system, settings.identity.learnt),
             request: RateRequest::new(now),
             clocks: [FrameClock::default(); 2],
@@ -211,7 +217,11 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             let (taken, frame) = decoder.receive(self.signing.key(), bytes);
             bytes = bytes.get(taken..).unwrap_or_default();
             match frame {
-                Some(frame) => self.handle(now, port, frame),
+                Some(frame) => {
+                    self.handle(now, port, frame, false);
+                    #[cfg(feature = "signing")]
+                    self.cover.carried_out();
+                }
                 None => return,
             }
         }
@@ -236,6 +246,11 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         if now >= self.next_tick {
             self.next_tick = now + TICK;
             self.tick(now);
+        }
+        #[cfg(feature = "signing")]
+        while let Some((port, frame)) = self.take_waiting(now) {
+            self.handle(now, port, frame, true);
+            self.cover.carried_out();
         }
         let lists = self.send_lists(now);
         lists.into_iter().chain([self.next_tick]).min().unwrap_or(self.next_tick)

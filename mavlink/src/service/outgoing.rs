@@ -40,6 +40,8 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
             self.report_events(now, place);
             self.report_progress(now, place, now >= self.next_heartbeat);
         }
+        #[cfg(feature = "signing")]
+        self.cover_from_time_to_time(now);
         self.report_lost_texts(now);
         self.report_attached(now);
         if now >= self.next_heartbeat {

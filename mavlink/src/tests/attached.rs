@@ -179,11 +179,12 @@ fn settings_of_what_is_attached_are_set_refused_and_stored_as_records_of_their_o
         world.toy.refuses.set(false);
 
         world.service.borrow_mut().set_keeping(Keeping::Stored);
-        assert_eq!(world.service.borrow().places(), 5);
+        // Node, engines, what is attached to each, and signing.
+        assert_eq!(world.service.borrow().places(), 5 + usize::from(cfg!(feature = "signing")));
         for (result, value) in [(Ok(()), 8), (Err(NotSaved::Full), 8)] {
             let new = if result.is_ok() { 8.0 } else { 9.0 };
             assert_eq!(world.set(ENGINE[1], "TOY_B", new).await, (None, String::new()));
-            let (key, stored) = world.service.borrow().next_save().unwrap();
+            let (key, stored) = world.service.borrow_mut().next_save().unwrap();
             assert_eq!(record::engine_of_attached(key), Some(1));
             let read: Vec<_> = record::read_attached(ROWS, &stored).collect();
             assert_eq!(read, [("TOY_A", 5), ("TOY_B", new as i32), ("TOY_C", 7)]);
@@ -196,7 +197,8 @@ fn settings_of_what_is_attached_are_set_refused_and_stored_as_records_of_their_o
         // An engine's own record has none of them, and theirs has no other's kind.
         let service = world.service.borrow();
         let keys: Vec<u8> = (0..6).filter_map(|place| service.record(place)).map(|(key, _)| key).collect();
-        assert_eq!(keys, [0, 1, 2, 0x81, 0x82]);
+        let signing = [0x80].into_iter().filter(|_| cfg!(feature = "signing"));
+        assert_eq!(keys, [0, 1, 2, 0x81, 0x82].into_iter().chain(signing).collect::<Vec<u8>>());
         let (_, of_engine) = service.record(2).unwrap();
         assert_eq!(record::read_attached(ROWS, &of_engine).count(), 0);
     });
@@ -243,7 +245,7 @@ fn a_calibration_of_the_stick_sets_its_end_points() {
         assert_eq!(world.command(ENGINE[1], 31010, &END).await.0, Some(0));
         assert_eq!(values(at), [], "not before they are stored");
         for result in [Ok(()), Err(NotSaved::Full)] {
-            assert!(world.service.borrow().next_save().is_some());
+            assert!(world.service.borrow_mut().next_save().is_some());
             world.service.borrow_mut().saved(Instant::now(), result);
             world.pass(0.2).await;
         }

@@ -3,6 +3,8 @@
 
 mod attached;
 mod commands;
+#[cfg(feature = "signing")]
+mod covering;
 mod damaged;
 mod fram;
 mod mutated;

@@ -23,7 +23,7 @@ const WORD: usize = 32;
 const SECTOR: usize = 1024;
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-enum Word {
+pub enum Word {
     Holds([u8; WORD]),
     /// Two wrong bits: every read is an error.
     Torn,
@@ -32,24 +32,26 @@ enum Word {
 const EMPTY: Word = Word::Holds([0xFF; WORD]);
 
 #[derive(Clone, Debug)]
-struct Mock<'a> {
-    words: Vec<Word>,
+pub struct Mock<'a> {
+    pub words: Vec<Word>,
     /// Writes and erases until the power fails; it tears the last one.
-    left: Option<usize>,
+    pub left: Option<usize>,
     /// Writes and erases so far.
-    done: usize,
-    erases: usize,
+    pub done: usize,
+    pub erases: usize,
     /// Writes, or erases, do nothing and report that all is well.
-    takes_no_write: bool,
-    takes_no_erase: bool,
+    pub takes_no_write: bool,
+    pub takes_no_erase: bool,
+    /// The power has failed.
+    pub off: Rc<Cell<bool>>,
     /// Erases are an error.
-    refuses_erase: Rc<Cell<bool>>,
-    rng: Rng,
-    at_rest: &'a AtRest,
+    pub refuses_erase: Rc<Cell<bool>>,
+    pub rng: Rng,
+    pub at_rest: &'a AtRest,
 }
 
 impl<'a> Mock<'a> {
-    fn new(at_rest: &'a AtRest) -> Self {
+    pub fn new(at_rest: &'a AtRest) -> Self {
         let words = std::vec![EMPTY; 2 * SECTOR / WORD];
         Self {
             words,
@@ -58,6 +60,7 @@ impl<'a> Mock<'a> {
             erases: 0,
             takes_no_write: false,
             takes_no_erase: false,
+            off: Rc::default(),
             refuses_erase: Rc::default(),
             rng: Rng::with_seed(1),
             at_rest,
@@ -87,6 +90,7 @@ impl<'a> Mock<'a> {
             Some(0) => Err(NorFlashErrorKind::Other),
             Some(left) => {
                 *left -= 1;
+                self.off.set(*left == 0);
                 Ok(*left == 0)
             }
             None => {
@@ -158,9 +162,9 @@ impl NorFlash for Mock<'_> {
 
 impl Flash for Mock<'_> {}
 
-type Records = BTreeMap<u8, Vec<u8>>;
+pub type Records = BTreeMap<u8, Vec<u8>>;
 
-fn load<'a>(mock: Mock<'a>, at_rest: &'a AtRest) -> (Store<'a, Mock<'a>>, Found, Records) {
+pub fn load<'a>(mock: Mock<'a>, at_rest: &'a AtRest) -> (Store<'a, Mock<'a>>, Found, Records) {
     let mut records = Records::new();
     let (store, found) = block_on(Store::load(mock, at_rest, &mut |key, record| {
         assert!(records.insert(key, record.to_vec()).is_none(), "twice");
@@ -443,7 +447,7 @@ fn a_setting_is_answered_when_it_is_stored_and_is_as_before_if_it_cannot_be() {
             let new = if result.is_ok() { 2500.0 } else { 3000.0 };
             // Nothing is answered before it is stored.
             assert_eq!(world.set(ENGINE[1], "LOSS_HOLD", new).await, (None, String::new()));
-            let (key, record) = world.service.borrow().next_save().unwrap();
+            let (key, record) = world.service.borrow_mut().next_save().unwrap();
             assert_eq!(key, 2);
             let mut stored = *world.service.borrow().engine_settings().nth(1).unwrap().0;
             record::apply_to_engine(&mut stored, &mut EngineSettings::DEFAULT.clone(), &record);

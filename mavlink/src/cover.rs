@@ -1,0 +1,190 @@
+//! What of signing has to be stored before a frame is obeyed, so that after a loss of power it is not obeyed again.
+//!
+//! The store has a time stamp up to which everything is *covered*: after a loss of power nothing acts that is signed with it or an earlier
+//! one. A frame that acts and is not covered waits for a save, some ms. What is saved is 10 s ahead, so that a person who sets 50 parameters
+//! causes one save, and not 50.
+
+use crate::frame::Frame;
+use crate::refusal::Refusal;
+use crate::signing::Stamp;
+use crate::store::NotSaved;
+use embassy_time::{Duration, Instant};
+use heapless::Vec;
+
+/// Frames that wait. A start is one.
+const WAITING: usize = 4;
+/// Longest wait, so that an answer comes within 0.5 s and nothing is obeyed late.
+const LONGEST: Duration = Duration::from_millis(300);
+/// How far ahead of what is obeyed the saved stamp is.
+const AHEAD: Duration = Duration::from_secs(10);
+/// Time between two saves while all engines are at rest.
+const EVERY: Duration = Duration::from_secs(600);
+
+/// A frame that waits until it is covered.
+#[derive(Debug)]
+struct Waiting {
+    port: usize,
+    frame: Frame,
+    stamp: Stamp,
+    since: Instant,
+    /// Why it is refused, before it was obeyed.
+    refused: Option<Refusal>,
+}
+
+/// What becomes of a frame that has waited.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Fate {
+    /// It is obeyed: the store covers it.
+    Covered,
+    /// It is obeyed though the store does not cover it, as an engine turns.
+    Uncovered(Refusal),
+    /// It is refused.
+    Refused(Refusal),
+}
+
+/// What is stored of signing, and what waits for it.
+#[derive(Debug)]
+pub(crate) struct Cover {
+    /// The stamp in the store, as far as it was saved since the start.
+    stored: Stamp,
+    /// The stamp that has to be saved, and the one that is being saved.
+    wanted: Option<Stamp>,
+    saving: Option<Stamp>,
+    waiting: Vec<Waiting, WAITING>,
+    /// Why the last save failed, for those who wait.
+    failed: Option<NotSaved>,
+    /// The failure that a text said last.
+    said: Option<NotSaved>,
+    /// An engine turned.
+    turned: bool,
+    /// Time of the next save at rest.
+    next: Instant,
+    /// Why what is being carried out is refused.
+    pub refusing: Option<Refusal>,
+}
+
+impl Cover {
+    /// Nothing is known to be stored.
+    pub const fn new(now: Instant) -> Self {
+        Self {
+            stored: Stamp::ZERO,
+            wanted: None,
+            saving: None,
+            waiting: Vec::new(),
+            failed: None,
+            said: None,
+            turned: false,
+            next: now,
+            refusing: None,
+        }
+    }
+
+    /// Whether what is signed with this stamp may be obeyed.
+    pub fn covers(&self, stamp: Stamp) -> bool {
+        stamp <= self.stored
+    }
+
+    /// Has a stamp saved that is ahead of this one.
+    pub fn want(&mut self, stamp: Stamp) {
+        self.wanted = self.wanted.max(Some(stamp.later(AHEAD)));
+    }
+
+    /// Has a frame wait until it is covered. False: too many wait.
+    pub fn hold(&mut self, now: Instant, port: usize, frame: &Frame, stamp: Stamp) -> bool {
+        if self.waiting.is_empty() {
+            self.failed = None;
+        }
+        let waiting = Waiting { port, frame: frame.clone(), stamp, since: now, refused: None };
+        let held = self.waiting.push(waiting).is_ok();
+        if held && self.saving.is_none_or(|saving| saving < stamp) {
+            self.want(stamp);
+        }
+        held
+    }
+
+    /// What was being carried out is done.
+    pub fn carried_out(&mut self) {
+        self.refusing = None;
+    }
+
+    /// A stop came: what waits is older, and is refused.
+    pub fn stopped(&mut self) {
+        for waiting in &mut self.waiting {
+            waiting.refused = Some(Refusal::Stopped);
+        }
+    }
+
+    /// Whether a save is due without a frame: an engine has stopped, or all are at rest for long.
+    pub fn is_due(&mut self, now: Instant, turns: bool, at_rest: bool) -> bool {
+        let stopped = core::mem::replace(&mut self.turned, turns) && !turns;
+        let due = stopped || at_rest && now >= self.next;
+        if due {
+            self.next = now + EVERY;
+        }
+        due
+    }
+
+    /// Another key: nothing of it is stored.
+    pub fn forget(&mut self) {
+        (self.stored, self.wanted, self.saving) = (Stamp::ZERO, None, None);
+    }
+
+    /// The stamp to save now. [`Cover::saved`] has to follow.
+    pub fn next_save(&mut self) -> Option<Stamp> {
+        let stamp = self.wanted.take()?;
+        self.saving = Some(stamp);
+        Some(stamp)
+    }
+
+    /// The stamp of a record that is saved with all others.
+    pub fn latest(&self) -> Stamp {
+        self.stored.max(self.saving.max(self.wanted).unwrap_or_default())
+    }
+
+    /// Whether a stamp waits to be saved, or is being saved.
+    pub fn is_saving(&self) -> bool {
+        self.wanted.is_some() || self.saving.is_some()
+    }
+
+    /// Takes the result of a save. False: it was of something else.
+    pub fn saved(&mut self, result: Result<(), NotSaved>) -> bool {
+        let Some(saving) = self.saving.take() else { return false };
+        match result {
+            Ok(()) => {
+                self.stored = self.stored.max(saving);
+                self.said = None;
+            }
+            Err(why) => self.failed = Some(why),
+        }
+        true
+    }
+
+    /// Whether a text has to say that a save failed: not once for each try.
+    pub fn says(&mut self, why: NotSaved) -> bool {
+        self.said.replace(why) != Some(why)
+    }
+
+    /// The next frame that waits no longer, with its port.
+    pub fn take(&mut self, now: Instant, turns: bool) -> Option<(usize, Frame, Fate)> {
+        let first = self.waiting.first();
+        let Some(first) = first else {
+            self.failed = None;
+            return None;
+        };
+        let failed = self.failed.map(|why| match why {
+            NotSaved::Full => Refusal::StoreFull,
+            NotSaved::Failed => Refusal::StoreFails,
+        });
+        let fate = match (first.refused, failed) {
+            (Some(why), _) => Fate::Refused(why),
+            _ if self.covers(first.stamp) => Fate::Covered,
+            // A relight does not fail because a memory does.
+            (None, Some(why)) if turns => Fate::Uncovered(why),
+            (None, Some(why)) => Fate::Refused(why),
+            _ if now >= first.since + LONGEST => Fate::Refused(Refusal::StoreBusy),
+            _ => return None,
+        };
+        let Waiting { port, frame, .. } = self.waiting.remove(0);
+        Some((port, frame, fate))
+    }
+}
