@@ -6,6 +6,8 @@
 )]
 
 use crate::attached::{self, ANY, Choice, Chosen, With};
+#[cfg(feature = "usb")]
+use crate::board::settings::SETTINGS;
 use crate::board::{self, EcuPort, Storage};
 use crate::radio::Radio;
 use embassy_futures::block_on;
@@ -18,6 +20,8 @@ use jetlink_mavlink::port::PortConfig;
 #[cfg(feature = "usb")]
 use jetlink_mavlink::record::read_signing;
 use jetlink_mavlink::record::{apply_to_engine, apply_to_node, engine_of_attached};
+#[cfg(feature = "usb")]
+use jetlink_mavlink::retained_settings::fingerprint;
 use jetlink_mavlink::service::{EngineParts, Keeping, Request, Service};
 use jetlink_mavlink::settings::{EngineSettings, NodeSettings};
 use jetlink_mavlink::signing::SigningState;
@@ -65,6 +69,9 @@ pub struct Settings {
     signing: Option<SigningState>,
     store: Option<&'static mut Store>,
     found: Found,
+    /// What is stored is damaged, and these are from before the reset all the same.
+    #[cfg(feature = "usb")]
+    retained: bool,
 }
 
 impl Settings {
@@ -79,6 +86,27 @@ impl Settings {
             signing: None,
             store: None,
             found: Found::Empty,
+            #[cfg(feature = "usb")]
+            retained: false,
+        }
+    }
+
+    /// Takes a record. In one place, but with USB.
+    #[cfg_attr(not(feature = "usb"), inline(always))]
+    fn apply(&mut self, key: u8, record: &[u8]) {
+        #[cfg(feature = "usb")]
+        if let Some(stored) = read_signing(key, record) {
+            self.signing = Some(stored);
+            return;
+        }
+        if ANY && let Some(engine) = engine_of_attached(key) {
+            return self.attached.apply(engine, record);
+        }
+        let Some(engine) = usize::from(key).checked_sub(1) else {
+            return apply_to_node(&mut self.node, record);
+        };
+        if let (Some(config), Some(own)) = (self.engines.get_mut(engine), self.own.get_mut(engine)) {
+            apply_to_engine(config, own, record);
         }
     }
 }
@@ -92,30 +120,25 @@ pub fn load(settings: &mut Settings) {
         return;
     };
     // It waits for nothing: only writes and erases do.
-    let (store, found) = block_on(Store::load(storage, &AT_REST, &mut |key, record| {
-        #[cfg(feature = "usb")]
-        if let Some(stored) = read_signing(key, record) {
-            settings.signing = Some(stored);
-            return;
-        }
-        if ANY && let Some(engine) = engine_of_attached(key) {
-            return settings.attached.apply(engine, record);
-        }
-        let Some(engine) = usize::from(key).checked_sub(1) else {
-            return apply_to_node(&mut settings.node, record);
-        };
-        if let (Some(config), Some(own)) = (settings.engines.get_mut(engine), settings.own.get_mut(engine)) {
-            apply_to_engine(config, own, record);
-        }
-    }));
+    let mut apply = |key, record: &[u8]| settings.apply(key, record);
+    let (store, found) = block_on(Store::load(storage, &AT_REST, &mut apply));
     // Damaged: what is left of them may not be what anybody has chosen. Those that contradict each other are not, either.
     let found = if validate(&settings.engines).is_ok() { found } else { Found::Damaged };
     if found == Found::Damaged {
         *settings = Settings::new();
+        #[cfg(feature = "usb")]
+        {
+            let mut apply = |key, record: &[u8]| settings.apply(key, record);
+            settings.retained = SETTINGS.load(fingerprint(&ENGINES), &mut apply);
+        }
     }
     match found {
         Found::Empty => defmt::info!("settings: none are stored"),
         Found::Whole => defmt::info!("settings: as stored"),
+        #[cfg(feature = "usb")]
+        Found::Damaged if settings.retained => {
+            defmt::error!("settings: DAMAGED, those of before the reset count");
+        }
         Found::Damaged => defmt::error!("settings: DAMAGED, the defaults count"),
     }
     settings.store = Some(STORE.init(store));
@@ -136,7 +159,7 @@ pub struct Mavlink {
 pub fn build(node: &'static Node<N>, settings: Settings, radio: Option<&'static Radio>) -> Mavlink {
     static RUNNER: StaticCell<Runner> = StaticCell::new();
     #[cfg(feature = "usb")]
-    let signing = signing(settings.signing);
+    let (signing, retained) = (signing(settings.signing.clone()), settings.retained);
     #[cfg(not(feature = "usb"))]
     let signing = SigningState::NONE;
     let Settings { node: of_node, engines, own, attached, store, found, .. } = settings;
@@ -154,6 +177,10 @@ pub fn build(node: &'static Node<N>, settings: Settings, radio: Option<&'static 
         let mut service = Service::with(now, of_node, signing, engines, ports, attached);
         service.set_keeping(if store.is_some() { Keeping::Stored } else { Keeping::Lost });
         service.set_damaged(found == Found::Damaged);
+        #[cfg(feature = "usb")]
+        if retained {
+            service.set_retained();
+        }
         if PORTS > USB_PORT {
             // Until somebody opens it.
             service.set_open(now, USB_PORT, false);
@@ -183,13 +210,24 @@ pub async fn serve(mavlink: Mavlink, port: EcuPort) {
     let mut system = None;
     #[cfg(feature = "usb")]
     let mut retain_at = embassy_time::Instant::MIN;
+    // Number of settings that were set when those in RAM were stored last.
+    #[cfg(feature = "usb")]
+    let mut retained = None;
     let time = runner.keep_time(|_now, service| {
+        #[cfg(feature = "usb")]
+        {
+            let set = Some(service.counters().parameters_set);
+            if !service.is_damaged() && retained != set {
+                retained = set;
+                SETTINGS.store(fingerprint(&ENGINES), service.changes(&ENGINES));
+            }
+        }
         #[cfg(feature = "usb")]
         if _now >= retain_at {
             retain_at = _now + RETAIN_EVERY;
             board::key::KEY.store(&service.signing(_now));
         }
-        node.set_settings_damaged(service.is_damaged());
+        node.set_settings_damaged(service.has_to_be_confirmed());
         if service.system_id() != system {
             system = service.system_id();
             if let Some(system) = system {

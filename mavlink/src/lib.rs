@@ -8,7 +8,7 @@
 //! |---|---|
 //! | [`ids`], [`frame`] | numbers of MAVLink; frames to messages and back |
 //! | [`signing`], `retained`, `cover` | who has the key may command; the key over a reset, and over a loss of power |
-//! | [`store`], [`record`], [`fram`] | settings that stay; an F-RAM that holds them |
+//! | [`store`], [`record`], [`fram`], [`retained_settings`] | settings that stay; an F-RAM that holds them; RAM, over a reset |
 //! | [`settings`], [`services`], [`refusal`] | parameters; the table of services; why something was refused |
 //! | `vehicle`, `servo`, `request` | our autopilot, its arming, its outputs, and the requested rate |
 //! | `kind` | what a message would do: it stops, reads or acts |
@@ -45,6 +45,8 @@ pub mod report;
 mod request;
 #[cfg(feature = "signing")]
 pub mod retained;
+#[cfg(feature = "signing")]
+pub mod retained_settings;
 pub mod runner;
 mod sent;
 pub mod service;

@@ -108,6 +108,29 @@ pub(crate) fn of_engine(config: &EngineConfig, settings: &EngineSettings) -> Rec
     write(kind(config), Table::Engine(config), &|name| config.number(name).or_else(|| settings.own(name)))
 }
 
+/// The record of what differs from the defaults of the node.
+#[cfg(feature = "signing")]
+pub(crate) fn changes_of_node(settings: &NodeSettings) -> Record {
+    write(NODE, Table::Node, &|name| {
+        let value = settings.number(name);
+        value.filter(|_| NodeSettings::DEFAULT.number(name) != value)
+    })
+}
+
+/// The record of what differs from another configuration of an engine, and from the defaults of MAVLink.
+#[cfg(feature = "signing")]
+pub(crate) fn changes_of_engine(
+    config: &EngineConfig,
+    settings: &EngineSettings,
+    default: &EngineConfig,
+) -> Record {
+    write(kind(config), Table::Engine(config), &|name| {
+        let of = |config: &EngineConfig, own: &EngineSettings| config.number(name).or_else(|| own.own(name));
+        let value = of(config, settings);
+        value.filter(|_| of(default, &EngineSettings::DEFAULT) != value)
+    })
+}
+
 /// The record of what is attached, for one engine.
 pub(crate) fn of_attached(rows: &'static [&'static [Row]], value: &dyn Fn(&str) -> Option<i32>) -> Record {
     write(ATTACHED, Table::Attached(rows), value)

@@ -343,18 +343,15 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         let sequence = last.map_or(1, |last| last.sequence.wrapping_add(1));
         // From the last one's digest: what is missed now is missed with this record, too.
         let digest = last.map_or(0, |last| last.digest) ^ before.unwrap_or(0) ^ own;
-        let mut bytes: Vec<u8, { HEAD + RECORD }> = Vec::new();
-        let whole = [&sequence.to_le_bytes()[..], &digest.to_le_bytes(), record]
-            .into_iter()
-            .all(|part| bytes.extend_from_slice(part).is_ok());
-        if !whole || before.is_none() && self.newest.is_full() {
+        let length = HEAD + record.len();
+        if record.len() > RECORD || before.is_none() && self.newest.is_full() {
             return Err(NotSaved::Failed);
         }
         // The mark that closes the sector has its place; in an empty sector there is one that opens it, too.
         let word = F::WRITE_SIZE as u32;
         let Space { free, dirty } = self.space().await;
         let opening = if free == Self::SECTOR { word } else { 0 };
-        let length = (1 + bytes.len() as u32).next_multiple_of(word);
+        let length = (1 + length as u32).next_multiple_of(word);
         let needed = opening + Map::<F>::item_overhead_size() + length;
         let fits = needed + word <= free;
         if !fits || dirty {
@@ -365,8 +362,16 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
                 self.clean().await?;
             }
         }
-        let mut buffer = [0; BUFFER];
-        let stored = self.map.store_item(&mut buffer, &key, &bytes.as_slice()).await;
+        // In a block, so that its buffers and those of a survey are not there at once.
+        let stored = {
+            let mut bytes: Vec<u8, { HEAD + RECORD }> = Vec::new();
+            for part in [&sequence.to_le_bytes()[..], &digest.to_le_bytes(), record] {
+                // There is space.
+                let _ = bytes.extend_from_slice(part);
+            }
+            let mut buffer = [0; BUFFER];
+            self.map.store_item(&mut buffer, &key, &bytes.as_slice()).await
+        };
         if stored.is_ok() && fits {
             let newest = Newest { key, sequence, digest, own };
             match self.newest.iter_mut().find(|newest| newest.key == key) {

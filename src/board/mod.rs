@@ -40,6 +40,8 @@ mod qemu_mps2;
 mod retained;
 #[cfg(all(feature = "selftest", feature = "stm32"))]
 pub mod selftest;
+#[cfg(feature = "usb")]
+pub mod settings;
 pub mod stack;
 mod start;
 #[cfg(feature = "stm32")]

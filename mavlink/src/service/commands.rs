@@ -213,7 +213,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         };
         match (service, place) {
             (NodeService::EmergencyStop, _) => self.emergency_stop(now, place),
-            (NodeService::ConfirmSettings, Place::Node) => done(self.confirm_settings()),
+            (NodeService::ConfirmSettings, Place::Node) => done(self.confirm_settings(self.is_usb(port))),
             (NodeService::ConfirmSettings, _) => {
                 refuse(Refusal::Malformed("address the component of the node"))
             }

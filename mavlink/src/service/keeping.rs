@@ -9,6 +9,8 @@ use crate::refusal::Refusal;
 use crate::settings::{LEARNT, Table, find_row};
 use crate::store::NotSaved;
 use embassy_time::{Duration, Instant};
+#[cfg(feature = "signing")]
+use jetlink::config::EngineConfig;
 use jetlink::setting::{Effect, Row};
 
 /// Time between two texts that the settings are damaged.
@@ -24,11 +26,37 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     /// that the defaults, or what was set since, are right (service 30).
     pub fn set_damaged(&mut self, damaged: bool) {
         self.damaged = damaged.then_some(Instant::MIN);
+        #[cfg(feature = "signing")]
+        {
+            self.are_retained = false;
+        }
         self.attached.set_damaged(damaged);
     }
 
-    /// Whether the stored settings are damaged, and nobody has confirmed the present ones.
+    /// Reports that the stored settings are damaged, and that those of before the reset count, which RAM has retained: all is obeyed. They are
+    /// stored anew when a person confirms them.
+    #[cfg(feature = "signing")]
+    pub fn set_retained(&mut self) {
+        self.set_damaged(true);
+        self.are_retained = true;
+        self.attached.set_damaged(false);
+    }
+
+    /// Whether the settings are lost, and nobody has confirmed the present ones.
     pub const fn is_damaged(&self) -> bool {
+        self.damaged.is_some() && !self.are_retained()
+    }
+
+    /// Whether the present settings are those of before the reset.
+    const fn are_retained(&self) -> bool {
+        #[cfg(feature = "signing")]
+        return self.are_retained;
+        #[cfg(not(feature = "signing"))]
+        false
+    }
+
+    /// Whether a person has to confirm the present settings: what is stored is damaged.
+    pub const fn has_to_be_confirmed(&self) -> bool {
         self.damaged.is_some()
     }
 
@@ -36,16 +64,22 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     pub(super) fn report_damage(&mut self, now: Instant) {
         if self.damaged.is_some_and(|due| now >= due) {
             self.damaged = Some(now + DAMAGED_EVERY);
-            let text =
-                "settings DAMAGED: only stops are obeyed until a person confirms them by USB (service 30)";
+            let text = match self.are_retained() {
+                true => "stored settings DAMAGED: confirm those of now by USB (service 30)",
+                false => "settings DAMAGED: only stops are obeyed until confirmed by USB (service 30)",
+            };
             self.say(now, Place::Node, Severity::Critical, None, format_args!("{text}"));
         }
     }
 
     /// Confirms the present settings: all are stored anew.
-    pub(super) fn confirm_settings(&mut self) -> Result<(), Refusal> {
-        if !self.is_damaged() {
+    pub(super) fn confirm_settings(&mut self, at_board: bool) -> Result<(), Refusal> {
+        if !self.has_to_be_confirmed() {
             return Err(Refusal::NotDamaged);
+        }
+        // Where they are lost, only what comes by USB has got here.
+        if self.are_retained() && !at_board {
+            return Err(Refusal::Damaged);
         }
         if !self.is_at_rest() {
             return Err(Refusal::NotAtRest);
@@ -94,6 +128,19 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
 
     fn places_of_settings(&self) -> usize {
         1 + self.engines.len() * (1 + usize::from(!self.attached.rows().is_empty()))
+    }
+
+    /// All settings that differ from these of the engines and the defaults, as records, and all of what is attached.
+    #[cfg(feature = "signing")]
+    pub fn changes<'b>(&'b self, engines: &'b [EngineConfig]) -> impl Iterator<Item = (u8, Record)> + 'b {
+        let node = (0, record::changes_of_node(&self.settings));
+        let engines =
+            self.engines.iter().zip(engines).zip(1..).map(|((of, default), key)| {
+                (key, record::changes_of_engine(&of.config, &of.settings, default))
+            });
+        let attached =
+            (1 + self.engines.len()..self.places_of_settings()).filter_map(|place| self.record(place));
+        [node].into_iter().chain(engines).chain(attached)
     }
 
     /// The record in a place, with its key, as it should be stored.

@@ -107,6 +107,9 @@ pub struct Service<'a, const N: usize, const P: usize, A: Attached = Nothing> {
     keeping: Keeping,
     /// The stored settings are damaged, and nobody has confirmed the present ones: when a text says so again.
     damaged: Option<Instant>,
+    /// The present ones are those of before the reset all the same.
+    #[cfg(feature = "signing")]
+    are_retained: bool,
     /// All records have to be stored anew.
     anew: bool,
     /// Parameters that were set and are not stored yet.
@@ -202,6 +205,8 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             reboot: false,
             keeping: Keeping::ByBuilder,
             damaged: None,
+            #[cfg(feature = "signing")]
+            are_retained: false,
             anew: false,
             pending: Deque::new(),
             counters: Counters::default(),

@@ -157,7 +157,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
 
     pub(super) fn send_heartbeat(&mut self, now: Instant, port: usize, place: Place) {
         let message = match place {
-            Place::Node => node_heartbeat(self.fleet(), self.is_damaged()),
+            Place::Node => node_heartbeat(self.fleet(), self.has_to_be_confirmed()),
             Place::Engine(place) => {
                 let Some(engine) = self.engines.get(place) else { return };
                 heartbeat(&engine.telemetry(), engine.is_at_run())

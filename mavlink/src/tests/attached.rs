@@ -263,6 +263,12 @@ fn damaged_settings_are_known_to_what_is_attached_until_they_are_confirmed() {
         let (answer, text) = world.command(NODE, 31010, &[30.0, 21196.0]).await;
         assert_eq!(answer, Some(0), "{text}");
         assert!(!world.toy.damaged.get());
+        // Those that RAM has retained are as good as whole ones.
+        #[cfg(feature = "signing")]
+        {
+            world.service.borrow_mut().set_retained();
+            assert!(!world.toy.damaged.get());
+        }
     });
 }
 

@@ -197,3 +197,42 @@ fn it_is_said_on_every_port_until_it_is_confirmed() {
         assert_eq!((said(world, at).len(), shown(world)), (0, (0, false)));
     });
 }
+
+/// After a reset in flight RAM has the settings: all goes on, and a person confirms them later.
+#[cfg(feature = "signing")]
+#[test]
+fn settings_that_ram_has_retained_count_as_before() {
+    run(async |world| {
+        world.ready().await;
+        let engines: Vec<_> = world.service.borrow().engine_settings().map(|(config, _)| *config).collect();
+        assert_eq!(world.set(ENGINE[1], "LOSS_HOLD", 500.0).await.0, Some(500.0));
+        // Of the second engine this, and its output, which is 4 in this world.
+        let keys: Vec<_> = {
+            let service = world.service.borrow();
+            service.changes(&engines).map(|(key, record)| (key, record.len() / 6)).collect()
+        };
+        assert_eq!(keys, [(0, 1), (1, 0), (2, 2)], "the id that was learnt is of the node");
+        world.start(1).await;
+        world.service.borrow_mut().set_retained();
+        assert!(!world.service.borrow().is_damaged() && world.service.borrow().has_to_be_confirmed());
+        world.throttle(1500);
+        world.until("half throttle", 20, || world.ordered(1) == Some(500)).await;
+        world.throttle(IDLE_US);
+        let away = world.command_from(TO_AUTOPILOT, GROUND, (SYSTEM, NODE), CMD_USER_1, 0, CONFIRM).await;
+        assert!(away.0 == NOT_NOW && !world.service.borrow_mut().take_anew(), "{away:?}");
+        let stranger = Address { system: 78, ..STRANGER };
+        let answer =
+            world.command_from(TO_GROUND, stranger, (SYSTEM, NODE), CMD_USER_1, 0, EMERGENCY_STOP).await;
+        assert_eq!(answer.0, DENIED, "who may command is known: {}", answer.1);
+        world.pass(10.0).await;
+        world.start(0).await;
+        assert!(world.texts().contains("stored settings DAMAGED: confirm"), "{}", world.texts());
+        for engine in 0..2 {
+            assert_eq!(world.control(engine, &[0.0]).await.0, ACCEPTED);
+        }
+        world.cold(0).await;
+        world.cold(1).await;
+        assert_eq!(world.command(NODE, CMD_USER_1, CONFIRM).await.0, ACCEPTED);
+        assert!(world.service.borrow_mut().take_anew() && !world.service.borrow().has_to_be_confirmed());
+    });
+}

@@ -1,0 +1,202 @@
+//! Settings in RAM that survives a reset, for a node that finds its stored settings damaged then. Only those that differ from the image's.
+
+use crate::record::{Record, of_engine, of_node};
+use crate::settings::{EngineSettings, NodeSettings};
+use core::sync::atomic::{AtomicU8, Ordering};
+use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
+use heapless::Vec;
+use jetlink::config::EngineConfig;
+
+const CHECKSUM: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
+/// The checksum is in front.
+const HEAD: usize = 4;
+
+/// What the settings of an image are without a change, as a number: in another image the changes are other ones.
+pub fn fingerprint(engines: &[EngineConfig]) -> u32 {
+    let mut digest = CHECKSUM.digest();
+    digest.update(&of_node(&NodeSettings::DEFAULT));
+    for engine in engines {
+        digest.update(&of_engine(engine, &EngineSettings::DEFAULT));
+    }
+    digest.finalize()
+}
+
+/// The memory: checksum, then each record behind its key and its length. Every content is valid, so that start-up need not initialise it;
+/// what a power-up leaves there has no right checksum. Where the changes do not fit it holds none.
+#[derive(Debug)]
+#[repr(C, align(8))]
+pub struct SettingsMemory<const BYTES: usize> {
+    bytes: [AtomicU8; BYTES],
+}
+
+impl<const BYTES: usize> Default for SettingsMemory<BYTES> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<const BYTES: usize> SettingsMemory<BYTES> {
+    /// Empty.
+    pub const fn new() -> Self {
+        Self { bytes: [const { AtomicU8::new(0) }; BYTES] }
+    }
+
+    /// Stores these records, and no others. A reset meanwhile leaves none: a mixture of two has no right checksum.
+    pub fn store(&self, fingerprint: u32, records: impl Iterator<Item = (u8, Record)>) {
+        let mut content = Vec::<u8, BYTES>::new();
+        let mut fits = content.extend_from_slice(&[0; HEAD]).is_ok();
+        for (key, record) in records {
+            // The first byte is the kind.
+            if let Ok(length @ 2..) = u8::try_from(record.len()) {
+                fits &= content.extend_from_slice(&[key, length]).is_ok();
+                fits &= content.extend_from_slice(&record).is_ok();
+            }
+        }
+        let _ = content.resize(BYTES, 0);
+        let sum = checksum(fingerprint, &content);
+        let sum = if fits { sum } else { !sum };
+        content.iter_mut().zip(sum.to_le_bytes()).for_each(|(to, byte)| *to = byte);
+        // The first byte once more, behind the last: an STM32H7 loses the last 64 bits that were written (AN5342).
+        for (slot, byte) in self.bytes.iter().zip(&content).cycle().take(BYTES + 1) {
+            slot.store(*byte, Ordering::SeqCst);
+        }
+    }
+
+    fn content(&self) -> [u8; BYTES] {
+        self.bytes.each_ref().map(|byte| byte.load(Ordering::SeqCst))
+    }
+
+    /// Shows each record. False, and none: they are not whole, or of another image.
+    pub fn load(&self, fingerprint: u32, each: &mut dyn FnMut(u8, &[u8])) -> bool {
+        let content = self.content();
+        let Some((head, mut rest)) = content.split_first_chunk::<HEAD>() else { return false };
+        if *head != checksum(fingerprint, &content).to_le_bytes() {
+            return false;
+        }
+        while let [key, length, records @ ..] = rest {
+            let Some((record, others)) = records.split_at_checked((*length).into()).filter(|_| *length > 0)
+            else {
+                break;
+            };
+            each(*key, record);
+            rest = others;
+        }
+        true
+    }
+}
+
+fn checksum(fingerprint: u32, content: &[u8]) -> u32 {
+    let mut digest = CHECKSUM.digest();
+    digest.update(&fingerprint.to_le_bytes());
+    digest.update(content.get(HEAD..).unwrap_or_default());
+    digest.finalize()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::{apply_to_engine, apply_to_node, changes_of_engine, changes_of_node};
+    use jetlink::ecu::zk::codec::Rate;
+    use jetlink::line::Line;
+
+    const ENGINES: [EngineConfig; 2] = [
+        EngineConfig::amt("left", 0, Line::new(9600), None),
+        EngineConfig::zk("right", 1, Line::new(9600), Rate::Hz20),
+    ];
+
+    /// A user's settings: of the node, and of the second engine.
+    fn changed(output: u8) -> (NodeSettings, EngineConfig, EngineSettings) {
+        let mut node = NodeSettings::DEFAULT;
+        assert!(node.set("MAV_SYSID_LEARN", 7) && node.set("MAV_GCS_2", 250));
+        let mut config = ENGINES[1];
+        assert!(config.change("LOSS_HOLD", 500));
+        (node, config, EngineSettings { output, reversed: true, ..EngineSettings::DEFAULT })
+    }
+
+    fn store<const BYTES: usize>(memory: &SettingsMemory<BYTES>, output: u8) {
+        let (node, config, own) = changed(output);
+        let records = [
+            (0, changes_of_node(&node)),
+            (1, changes_of_engine(&ENGINES[0], &EngineSettings::DEFAULT, &ENGINES[0])),
+            (2, changes_of_engine(&config, &own, &ENGINES[1])),
+        ];
+        // Nothing but what differs, behind the kind.
+        assert_eq!(records.each_ref().map(|(_, record)| record.len()), [1 + 2 * 6, 1, 1 + 3 * 6]);
+        memory.store(fingerprint(&ENGINES), records.into_iter());
+    }
+
+    /// The settings that a node starts with that has this memory; `None`: it has none.
+    fn found<const BYTES: usize>(
+        memory: &SettingsMemory<BYTES>,
+        engines: &[EngineConfig],
+    ) -> Option<(NodeSettings, EngineConfig, EngineSettings)> {
+        let (mut node, mut config, mut own) = (NodeSettings::DEFAULT, ENGINES[1], EngineSettings::DEFAULT);
+        let mut each = |key, record: &[u8]| match key {
+            0 => apply_to_node(&mut node, record),
+            2 => apply_to_engine(&mut config, &mut own, record),
+            _ => panic!("the first engine has no changes"),
+        };
+        memory.load(fingerprint(engines), &mut each).then_some((node, config, own))
+    }
+
+    #[test]
+    fn what_differs_from_the_image_comes_back_and_to_no_other_image() {
+        let memory = SettingsMemory::<64>::new();
+        assert_eq!(found(&memory, &ENGINES), None, "empty");
+        store(&memory, 9);
+        assert_eq!(found(&memory, &ENGINES), Some(changed(9)));
+        let mut other = ENGINES;
+        assert!(other[0].change("LOSS_HOLD", 2000));
+        assert_eq!(found(&memory, &other), None);
+        store(&memory, 10);
+        assert_eq!(found(&memory, &ENGINES), Some(changed(10)));
+    }
+
+    #[test]
+    fn changes_that_do_not_fit_are_none_and_leave_none() {
+        // The records of the node and of an engine have a key and a length each: 15 and 21 bytes.
+        let (just, less) = (SettingsMemory::<{ HEAD + 36 }>::new(), SettingsMemory::<{ HEAD + 35 }>::new());
+        store(&just, 9);
+        store(&less, 9);
+        assert_eq!((found(&just, &ENGINES), found(&less, &ENGINES)), (Some(changed(9)), None));
+        let memory = SettingsMemory::<64>::new();
+        store(&memory, 9);
+        let whole = crate::record::of_engine(&ENGINES[0], &EngineSettings::DEFAULT);
+        memory.store(fingerprint(&ENGINES), [(1, whole)].into_iter());
+        assert_eq!(found(&memory, &ENGINES), None, "those of before do not count any more");
+    }
+
+    #[test]
+    fn a_reset_in_the_middle_of_a_write_and_what_a_power_up_leaves_are_none() {
+        let (before, after) = (SettingsMemory::<64>::new(), SettingsMemory::<64>::new());
+        store(&before, 9);
+        store(&after, 10);
+        let mut lost = 0;
+        for cut in 0..=64 {
+            let memory = SettingsMemory::<64>::new();
+            let mixed = after.content().into_iter().take(cut).chain(before.content().into_iter().skip(cut));
+            memory.bytes.iter().zip(mixed).for_each(|(slot, byte)| slot.store(byte, Ordering::Relaxed));
+            let found = found(&memory, &ENGINES);
+            lost += usize::from(found.is_none());
+            assert!(found.is_none_or(|found| found == changed(9) || found == changed(10)), "{cut}");
+        }
+        assert!(lost > 10, "{lost}");
+        for bit in 0..64 * 8 {
+            before.bytes[bit / 8].fetch_xor(1 << (bit % 8), Ordering::Relaxed);
+            assert_eq!(found(&before, &ENGINES), None, "bit {bit}");
+            before.bytes[bit / 8].fetch_xor(1 << (bit % 8), Ordering::Relaxed);
+        }
+        fastrand::seed(1);
+        for _ in 0..10_000 {
+            let fill = fastrand::u8(..);
+            for byte in &after.bytes {
+                byte.store(if fastrand::bool() { fill } else { fastrand::u8(..) }, Ordering::Relaxed);
+            }
+            assert_eq!(found(&after, &ENGINES), None);
+        }
+        for fill in [0, 0xFF, 0xAA] {
+            after.bytes.iter().for_each(|byte| byte.store(fill, Ordering::Relaxed));
+            assert_eq!(found(&after, &ENGINES), None);
+        }
+    }
+}
