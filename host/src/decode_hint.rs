@@ -143,6 +143,11 @@ impl Hint {
     }
 }
 
+/// How many there are.
+fn counted(count: u64, what: &str) -> String {
+    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
+}
+
 /// A share in %: 0 and 100 are exact, others have a tenth.
 fn percent(part: u64, of: u64) -> String {
     match part {
@@ -167,7 +172,11 @@ impl fmt::Display for Hint {
         match self.found {
             Found::Other { name, frames, bytes, outside } => {
                 let (share, of) = (percent(outside, bytes), of_the_first(bytes));
-                write!(f, "; --protocol {name} would find {frames} frames and leave {share} %{of}")?;
+                write!(
+                    f,
+                    "; --protocol {name} would find {} and leave {share} %{of}",
+                    counted(frames, "frame")
+                )?;
                 if outside * 2 > bytes {
                     write!(f, ": check the baud rate, the stop bits and the levels of the line")?;
                 }
@@ -176,7 +185,8 @@ impl fmt::Display for Hint {
                 let (share, of) = (percent(inside, bytes), of_the_first(bytes));
                 write!(
                     f,
-                    "; {frames} commands to an {name} ECU have {share} %{of}: decode reads the other line, from the ECU"
+                    "; {} to an ECU ({name}) have {share} %{of}: decode reads the other line, from the ECU",
+                    counted(frames, "command")
                 )?;
             }
         }

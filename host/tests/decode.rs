@@ -439,6 +439,9 @@ fn the_wrong_protocol_is_hinted_at() {
     let outcome = decode(&["--protocol", "zk"], &garbage);
     let hint = outcome.stderr.lines().last().unwrap();
     assert!(hint.contains("would find 0 frames") && hint.ends_with("the levels of the line"), "{hint}");
+    // One is no plural.
+    let outcome = decode(&["--protocol", "amt"], &ZK_EXAMPLE);
+    assert!(outcome.stderr.contains("would find 1 frame and leave 0 %"), "{}", outcome.stderr);
     // Half of the bytes is not over half, and nothing is no reason for a hint.
     for input in [[&ZK_EXAMPLE[..], &[0; 7]].concat(), Vec::new(), zk] {
         let outcome = decode(&["--protocol", "zk"], &input);
@@ -461,7 +464,7 @@ fn commands_to_an_ecu_are_hinted_at() {
         for (name, input) in [("amt", &amt), ("zk", &zk)] {
             let hint = hint(&["--protocol", protocol], input);
             let end = format!(
-                " % of the bytes are in no {protocol} frame; 20 commands to an {name} ECU have 100 %: decode reads the other line, \
+                " % of the bytes are in no {protocol} frame; 20 commands to an ECU ({name}) have 100 %: decode reads the other line, \
                  from the ECU"
             );
             assert!(hint.starts_with("hint: ") && hint.ends_with(&end), "{hint}");

@@ -98,6 +98,24 @@ fn the_csv_file_stays_when_nothing_can_be_written_beside_a_plot() {
     assert_eq!(fs::read_to_string(&plot).unwrap(), "the plot before");
 }
 
+/// The capture is made before the run, the others at its end: the report would be lost.
+#[test]
+fn an_option_cannot_name_the_folder_of_the_capture() {
+    let folder = folder("is-capture");
+    let name = |name: &str| folder.join(name).to_str().unwrap().to_owned();
+    for (report, capture) in [("r.html", "r.html"), ("r.html", "r.html/below"), ("./r.html", "r.html/a/b")] {
+        let (report, capture) = (name(report), name(capture));
+        let args = ["--fast", "--standby", "--report", &report, "--capture", &capture];
+        let error = refused(&rig(&args), 2);
+        assert!(error.contains("--capture would need a folder where --report writes a file"), "{error}");
+        assert!(!fs::exists(name("r.html")).unwrap());
+    }
+    // A name that only begins in the same way is another one.
+    let args = ["--fast", "--standby", "--report", &name("r.html"), "--capture", &name("r.html2")];
+    assert_eq!(rig(&args).status.code(), Some(0));
+    fs::remove_dir_all(folder).unwrap();
+}
+
 #[test]
 fn an_option_cannot_name_a_file_of_the_capture() {
     let folder = folder("in-capture");

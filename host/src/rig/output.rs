@@ -67,6 +67,17 @@ pub fn check(wanted: &[Wanted]) -> Result<(), Problem> {
                 path.with_extension(ending).display()
             )));
         }
+        // What lies in a folder needs it to be one.
+        let (own, before) = (place(&one.path), wanted.iter().take(i));
+        let is_folder = |of: &&Wanted| {
+            of.kind != Kind::InFolder && own != place(&of.path) && own.starts_with(place(&of.path))
+        };
+        if let Some(other) = before.clone().find(is_folder) {
+            return Err(Problem::Option(format!(
+                "{} would need a folder where {} writes a file, {}",
+                one.option, other.option, other.path
+            )));
+        }
         let same =
             |other: &&Wanted| place(&other.path) == place(&one.path) || is_one_file(&other.path, &one.path);
         if let Some(other) = wanted.iter().take(i).find(same) {
@@ -137,12 +148,15 @@ pub fn quoted(path: &Path) -> String {
     format!("'{}'", text.replace('\'', "'\\''"))
 }
 
-/// The same for all names of one file.
+/// The same for all names of one file, also in a folder that is still to be made.
 fn place(path: &str) -> PathBuf {
     let path = Path::new(path);
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let in_folder = || Some(fs::canonicalize(folder).ok()?.join(path.file_name()?));
-    fs::canonicalize(path).ok().or_else(in_folder).unwrap_or_else(|| path.to_owned())
+    let in_folder = |folder: &Path| {
+        let below = path.strip_prefix(folder).ok()?;
+        let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+        Some(fs::canonicalize(folder).ok()?.components().chain(below.components()).collect())
+    };
+    path.ancestors().find_map(in_folder).unwrap_or_else(|| path.to_owned())
 }
 
 /// Whether both are names of one regular file, as hard links are.

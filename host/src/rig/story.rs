@@ -9,15 +9,16 @@ use jetlink::event::LossStage;
 use jetlink::report::LinkState;
 
 /// The line for this moment; `faults`: those of each engine that were set by hand and last. In a scenario no key breaks or
-/// starts anything.
+/// starts anything. Keys act on the selected engine: for another one its number comes first.
 pub fn line(
     names: &[&str],
     samples: &[Sample],
     faults: &[&[Fault]],
     complete: Option<bool>,
     scenario: bool,
+    selected: usize,
 ) -> String {
-    let text = most_urgent(names, samples, faults, complete);
+    let text = most_urgent(names, samples, faults, complete, selected);
     match text.split_once("; press f") {
         Some((first, _)) if scenario && complete.is_some() => format!("{first}; q ends"),
         Some((first, _)) if scenario => first.to_owned(),
@@ -26,8 +27,21 @@ pub fn line(
 }
 
 /// The same with all keys. The most urgent comes first.
-fn most_urgent(names: &[&str], samples: &[Sample], faults: &[&[Fault]], complete: Option<bool>) -> String {
+fn most_urgent(
+    names: &[&str],
+    samples: &[Sample],
+    faults: &[&[Fault]],
+    complete: Option<bool>,
+    selected: usize,
+) -> String {
     let all = || names.iter().zip(samples);
+    let key = |engine: usize| if engine == selected { String::new() } else { format!("{}, ", engine + 1) };
+    // The selected one, if it is such a one.
+    let rather = |found: &dyn Fn(&Sample) -> bool| {
+        let is = |engine: &usize| samples.get(*engine).is_some_and(found);
+        let engine = Some(selected).filter(is).or_else(|| (0..samples.len()).find(is))?;
+        Some((*names.get(engine)?, samples.get(engine)?, key(engine)))
+    };
     let first =
         |found: &dyn Fn(&Sample) -> bool| all().find(|(_, sample)| found(sample)).map(|(name, _)| *name);
     match complete {
@@ -37,16 +51,16 @@ fn most_urgent(names: &[&str], samples: &[Sample], faults: &[&[Fault]], complete
         Some(false) => return "FAILED; q ends and prints why".to_owned(),
         None => {}
     }
-    if let Some(name) = first(&|sample| sample.order == Order::EmergencyStop) {
-        return format!("{name}: emergency stop is latched; r and y release it");
+    if let Some((name, _, key)) = rather(&|sample| sample.order == Order::EmergencyStop) {
+        return format!("{name}: emergency stop is latched; {key}r and y release it");
     }
     if samples.iter().any(|sample| !sample.node_up) {
         return "the node restarts: nothing is received or sent until it is up".to_owned();
     }
     // What a silent source leads to is said below.
-    let by_hand = names.iter().zip(faults).filter_map(|(name, faults)| {
+    let by_hand = names.iter().zip(faults).enumerate().filter_map(|(engine, (name, faults))| {
         let fault = faults.iter().find(|fault| **fault != Fault::Silence)?;
-        Some((*name, format!("{}, set by you; press f to end it", fault.name())))
+        Some((*name, format!("{}, set by you; press {}f to end it", fault.name(), key(engine))))
     });
     let by_hand: Vec<(&str, String)> = by_hand.collect();
     if let Some((name, sample)) = all().find(|(_, sample)| sample.link == LinkState::Lost) {
@@ -91,8 +105,8 @@ fn most_urgent(names: &[&str], samples: &[Sample], faults: &[&[Fault]], complete
                 "all engines are shut down and cool; press f to break something".to_owned()
             } else if samples.iter().all(|sample| matches!(sample.stage, Stage::Cooling | Stage::Done)) {
                 "all engines are shut down; they cool to 100 °C, turned by their starters".to_owned()
-            } else if let Some((name, sample)) = all().find(|(_, sample)| sample.stage == Stage::Played) {
-                played(name, sample)
+            } else if let Some((name, sample, key)) = rather(&|sample| sample.stage == Stage::Played) {
+                played(name, sample, &key)
             } else if let Some(name) = first(&|sample| sample.stage == Stage::Cooling) {
                 format!("{name} cools: its starter turns it until the exhaust is below 100 °C")
             } else {
@@ -103,11 +117,11 @@ fn most_urgent(names: &[&str], samples: &[Sample], faults: &[&[Fault]], complete
 }
 
 /// The line for an engine that was taken from its script.
-fn played(name: &str, sample: &Sample) -> String {
+fn played(name: &str, sample: &Sample, key: &str) -> String {
     match (sample.does.is_stopped() && sample.order == Order::Standby, sample.armed) {
-        (true, false) => format!("{name} is disarmed; d, a and s start it, b begins its script anew"),
-        (true, true) => format!("{name} is armed, in standby; s starts it, b begins its script anew"),
-        (false, _) => format!("{name} is played by you; b gives it back"),
+        (true, false) => format!("{name} is disarmed; {key}d, a and s start it, b begins its script anew"),
+        (true, true) => format!("{name} is armed, in standby; {key}s starts it, b begins its script anew"),
+        (false, _) => format!("{name}: {}, played by you; {key}b gives it back", sample.does_text()),
     }
 }
 

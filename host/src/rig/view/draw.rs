@@ -130,7 +130,7 @@ fn story_line(model: &Model, theme: Theme, width: u16) -> Line<'static> {
     let pass = model.verdict.as_ref().map(|verdict| verdict.pass);
     // The last clause is what can be left out.
     let faults: Vec<&[Fault]> = model.details.iter().map(|detail| detail.faults.as_slice()).collect();
-    let whole = story::line(&model.names(), &model.samples, &faults, pass, model.scenario);
+    let whole = story::line(&model.names(), &model.samples, &faults, pass, model.scenario, model.selected);
     let first = whole.split_once("; ").map_or(whole.as_str(), |(first, _)| first).to_owned();
     let text = first_that_fits(&[theme.text(&whole), theme.text(&first)], width.into(), theme.mark());
     let tone = match pass {

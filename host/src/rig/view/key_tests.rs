@@ -49,7 +49,12 @@ fn keys_that_the_help_names_start_an_engine_after_an_emergency_stop() {
     let right = |at: f64| [(at, press(KeyCode::Right)), (at, char('r')), (at, char('y'))];
     let released = [&released[..], &right(3.0)].concat();
     let played = pair(5.0, &released, "released");
-    assert_eq!(story(&played), "left is disarmed; d, a and s start it, b begins its script anew");
+    // Keys act on the selected engine, which is right here.
+    assert_eq!(story(&played), "right is disarmed; d, a and s start it, b begins its script anew");
+    let mut latched = pair(2.5, &[(1.0, char(' ')), (2.0, char('r')), (2.0, char('y'))], "latched");
+    assert_eq!(story(&latched), "right: emergency stop is latched; 2, r and y release it");
+    latched.model.selected = 1;
+    assert_eq!(story(&latched), "right: emergency stop is latched; r and y release it");
     let played = pair(
         7.0,
         &[&released[..], &[(5.0, press(KeyCode::Left)), (5.5, char('d')), (6.0, char('a'))]].concat(),
