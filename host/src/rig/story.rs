@@ -46,7 +46,14 @@ fn most_urgent(
         |found: &dyn Fn(&Sample) -> bool| all().find(|(_, sample)| found(sample)).map(|(name, _)| *name);
     match complete {
         Some(true) => {
-            return "PASS; press f to break something, s to start an engine again, q to end".to_owned();
+            let selected = names.get(selected).zip(samples.get(selected));
+            return match selected.map(|(name, sample)| (name, sample.order, sample.armed)) {
+                Some((name, Order::EmergencyStop, _)) => {
+                    format!("PASS; {name}: emergency stop is latched; r and y release it, q ends")
+                }
+                Some((name, _, false)) => format!("PASS; {name} is disarmed: d, a and s start it; q ends"),
+                _ => "PASS; press f to break something, s to start an engine again, q to end".to_owned(),
+            };
         }
         Some(false) => return "FAILED; q ends and prints why".to_owned(),
         None => {}

@@ -8,7 +8,7 @@ use super::keys::{Key, restart};
 use super::model::{Model, Page, Popup};
 use super::tests::{COLOUR, Cli, Keys, Played, buffer, char, pair, press, text};
 use clap::Parser;
-use crossterm::event::{KeyCode, KeyEventKind};
+use crossterm::event::{KeyCode, KeyEvent, KeyEventKind};
 use embassy_time::Duration;
 use jetlink::engine::state::EngineState;
 use std::cell::RefCell;
@@ -61,6 +61,22 @@ fn keys_that_the_help_names_start_an_engine_after_an_emergency_stop() {
         "armed",
     );
     assert_eq!(story(&played), "left is armed, in standby; s starts it, b begins its script anew");
+}
+
+/// At the end, too: the engine of this run was stopped.
+#[test]
+fn the_verdict_names_what_starts_the_selected_engine_again() {
+    let verdict = |keys: &[(f64, KeyEvent)]| {
+        let mut played = pair(70.0, &[&[(60.0, char(' '))], keys].concat(), "verdict");
+        played.model.verdict =
+            Some(super::model::Verdict { pass: true, lines: vec!["PASS: all".to_owned()] });
+        text(&buffer(&played.model, COLOUR, 80, 24)).lines().nth(1).expect("a story").trim_end().to_owned()
+    };
+    assert_eq!(verdict(&[]), "PASS; left: emergency stop is latched; r and y release it, q ends");
+    let mut keys = vec![(61.0, char('r')), (61.0, char('y'))];
+    assert_eq!(verdict(&keys), "PASS; left is disarmed: d, a and s start it; q ends");
+    keys.extend([(62.0, char('d')), (62.0, char('a'))]);
+    assert_eq!(verdict(&keys), "PASS; press f to break something, s to start an engine again, q to end");
 }
 
 /// Where the keys move a transmitter they say so.
