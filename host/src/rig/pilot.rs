@@ -99,7 +99,7 @@ impl<'a> Pilot<'a> {
     }
 
     /// Does it all. Gives what was not reached.
-    pub async fn fly(mut self) -> Result<(), String> {
+    pub async fn fly(&mut self) -> Result<(), String> {
         let result = if self.standby_only { self.stand_by().await } else { self.whole_run().await };
         match &result {
             Ok(()) => self.stage(Stage::Done),
@@ -118,6 +118,15 @@ impl<'a> Pilot<'a> {
             }
         }
         result
+    }
+
+    /// Commands standby when all is done, as a source does: another start may follow.
+    pub async fn stay(&self) {
+        let mut ticker = Ticker::every(TICK);
+        loop {
+            ticker.next().await;
+            let _ = self.command(PilotInput::Standby); // a refusal is an event
+        }
     }
 
     async fn whole_run(&mut self) -> Result<(), String> {

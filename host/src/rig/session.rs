@@ -166,7 +166,7 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
             let (node, player, seed) = (&node, &player, seeds.u64(..));
             tasks.push(Box::pin(async move {
                 loop {
-                    let pilot = Pilot::new(
+                    let mut pilot = Pilot::new(
                         context,
                         node,
                         *plan,
@@ -177,7 +177,7 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
                     match select(clock::task(pilot.fly()), player.taken(i)).await {
                         Either::First(result) => {
                             flown.replace(Some(result));
-                            player.taken(i).await;
+                            select(clock::task(pilot.stay()), player.taken(i)).await;
                         }
                         Either::Second(()) => {}
                     }

@@ -79,6 +79,16 @@ fn the_verdict_names_what_starts_the_selected_engine_again() {
     assert_eq!(verdict(&keys), "PASS; press f to break something, s to start an engine again, q to end");
 }
 
+/// At the end of its script an engine's source still commands standby, so that its next command may be a start.
+#[test]
+fn s_starts_an_engine_whose_script_is_done() {
+    let done = pair(300.0, &[], "all-done");
+    assert!(done.model.samples.iter().all(|sample| sample.stage == Stage::Done));
+    let again = pair(340.0, &[(300.0, char('s'))], "again");
+    assert_eq!(again.model.samples[0].does, EngineState::Running);
+    assert_eq!(again.outcomes.engines[0].commands_rejected, 0);
+}
+
 /// Where the keys move a transmitter they say so.
 #[test]
 fn the_help_of_a_transmitter_names_stick_and_switch() {
