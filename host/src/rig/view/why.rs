@@ -17,7 +17,7 @@ const INDENT: usize = 19;
 /// Draws it.
 pub fn draw(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
     let does = model.samples.get(model.selected).map_or_else(|| "not known".to_owned(), Sample::does_text);
-    let title = format!(" why: {} is {does} ", model.name(model.selected));
+    let title = format!(" why: {} ({does}) ", model.name(model.selected));
     let title = Span::styled(theme.text(&title), theme.style(Tone::Head));
     let block =
         Block::bordered().border_set(theme.border()).border_style(theme.style(Tone::Quiet)).title(title);
