@@ -52,7 +52,7 @@ fn a_transmitter_that_fails_for_a_second_is_reported_once() {
     }
 }
 
-/// The next frame fails for `why`, so many times.
+/// The next frames fail for `why`, this many of them.
 fn fails(scenario: &mut Scenario, why: NotSent, times: usize) {
     for _ in 0..times {
         next_frame(scenario);

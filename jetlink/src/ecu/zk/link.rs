@@ -211,7 +211,7 @@ impl ZkLink {
 /// them may agree. The UART knows better: what a frame says in which it reported an error does not count.
 #[derive(Clone, Copy, Debug, Default)]
 struct Damage {
-    /// In the bytes of the next read, or in those that are left of this one. The UART does not tell in which.
+    /// In the bytes of the next read, or in those that are left of this one. The UART does not report in which.
     in_read: bool,
     /// Bytes since then.
     intact: u8,

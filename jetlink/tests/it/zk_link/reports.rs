@@ -200,7 +200,7 @@ fn line_errors_and_lost_bytes_are_counted() {
     assert_eq!((counters.noise_errors, counters.overruns, counters.read_errors), (1, 1, 1));
 }
 
-/// One damaged frame in 256 has a right CRC. Which byte of a read had the error, the UART does not tell.
+/// One damaged frame in 256 has a right CRC. The UART does not report which byte of a read had the error.
 #[test]
 fn values_of_frames_with_a_line_error_are_discarded_and_the_next_ones_count() {
     let (wrong, right) = (zk::state(STATE_STANDBY), zk::state(STATE_RUNNING));
