@@ -93,6 +93,24 @@ fn move_from_standby_to_run_starts_only_with_the_stick_at_idle_and_steady() {
     });
 }
 
+/// Within a second behind a gap nothing is a move, however steady standby and stick were meanwhile.
+#[test]
+fn move_right_behind_a_gap_starts_nothing() {
+    for (after, starts) in [(0.55, false), (1.1, true)] {
+        each(async |world| {
+            world.arm().await;
+            world.pass(15.0).await;
+            world.radio.on.set(false);
+            world.pass(1.0).await;
+            world.radio.on.set(true);
+            world.pass(after).await;
+            world.switch(RUN).await;
+            world.pass(2.0).await;
+            assert_eq!(world.ordered(), starts.then_some(0), "{after} s");
+        });
+    }
+}
+
 #[test]
 fn receiver_plugged_in_with_full_throttle_neither_starts_nor_jumps() {
     each(async |world| {
@@ -167,6 +185,17 @@ fn positions_found_after_a_gap_shut_nothing_down_but_stop_does() {
         world.radio.switch.set(RUN);
         world.pass(5.0).await;
         assert_eq!((world.state(), world.ordered()), (EngineState::Running, Some(500)));
+        // Nor twice, with a gap between.
+        for _ in 0..2 {
+            world.radio.on.set(false);
+            world.pass(1.0).await;
+            world.radio.switch.set(STOP);
+            world.radio.on.set(true);
+            world.pass(0.25).await;
+        }
+        world.radio.switch.set(RUN);
+        world.pass(2.0).await;
+        assert!(!world.telemetry().stop_latched);
         // Held, it is one.
         world.radio.on.set(false);
         world.pass(1.0).await;
@@ -524,6 +553,37 @@ fn engine_that_is_found_after_a_reset_is_taken_over_without_a_jump() {
     }
 }
 
+/// What the switch did while MAVLink had the engine is nothing when radio control has it again.
+#[test]
+fn switch_that_moved_while_it_was_handed_over_neither_shuts_down_nor_arms_afterwards() {
+    each(async |world| {
+        world.start().await;
+        world.lower.set(Some(run_at(300)));
+        world.radio.hand_over.set(2000);
+        world.until("MAVLink in control", 5, || world.telemetry().active_source == Origin::Mavlink).await;
+        world.switch(STANDBY).await;
+        world.radio.hand_over.set(1000);
+        world.pass(5.0).await;
+        assert_eq!(world.commanded(), Some(Command::Present));
+        assert_eq!((world.state(), world.ordered()), (EngineState::Running, Some(300)));
+        // Beside it: a move that it sees.
+        world.switch(RUN).await;
+        world.switch(STANDBY).await;
+        world.until("standby", 2, || world.telemetry().ordered.order == Order::Standby).await;
+        // Released while it was handed over, and not armed, nor later.
+        world.lower.set(None);
+        world.switch(STOP).await;
+        world.pass(60.0).await;
+        world.radio.hand_over.set(2000);
+        world.pass(1.0).await;
+        world.switch(STANDBY).await;
+        world.until("released", 60, || !world.telemetry().stop_latched).await;
+        world.radio.hand_over.set(1000);
+        world.pass(5.0).await;
+        assert!(!world.telemetry().armed);
+    });
+}
+
 /// The hand-over channel is a pot on its way out, or a loose wire: whoever has the throttle, it does not jump, and the stop stays.
 #[test]
 fn hand_over_that_comes_and_goes_moves_the_throttle_slowly_and_keeps_the_stop() {
@@ -686,6 +746,27 @@ fn calibration_takes_the_end_points_and_is_refused_while_the_engine_turns() {
         let mut pilot = world.pilot.borrow_mut();
         assert_eq!(pilot.begin_calibration(), Err(CalibrationError::EngineTurns));
         assert_eq!(pilot.configure(EngineSettings::DEFAULT), Err(SettingsError::EngineTurns));
+    });
+}
+
+/// A stick whose end is as low as what nobody drives is at idle there.
+#[test]
+fn stick_whose_end_point_is_below_900_us_starts_and_throttles() {
+    begin(Kind::Sbus, async |radio, plug, halves| {
+        let settings = EngineSettings { low: 888, ..radio.kind.settings() };
+        life(&Life { radio, plug, memory: None, settings }, halves, async |world| {
+            radio.stick.set(882);
+            world.pass(2.0).await;
+            world.radio.switch.set(STANDBY);
+            world.until("armed", 30, || world.telemetry().armed).await;
+            world.until("standby", 60, || world.state() == EngineState::Standby).await;
+            world.pass(2.0).await;
+            world.radio.switch.set(RUN);
+            world.until("running", 120, || world.state() == EngineState::Running).await;
+            world.radio.stick.set(1394);
+            world.until("half throttle", 10, || world.ordered() == Some(500)).await;
+        })
+        .await;
     });
 }
 

@@ -264,6 +264,7 @@ fn an_engine_that_does_not_slow_down_in_standby_loses_its_fuel_and_one_that_does
         None,
         "a hot engine at rest"
     );
+    assert_eq!(of(|_| None, |_| Some(100)), None, "cold, and no shaft speed is known");
     // It slows down at first, and stays there.
     assert_eq!(
         of(|ms| Some(60_000_u32.saturating_sub(ms as u32 * 5).max(40_000)), |_| Some(600)),
@@ -424,6 +425,14 @@ fn power_is_on_from_armed_until_cold_and_at_rest() {
         let mut anew = Outputs::new(OutputSettings::DEFAULT, None, false);
         anew.update(&telemetry);
         assert_eq!(anew.power(), power, "{telemetry:?}");
+    }
+    // An order to run takes it, whatever the ECU reports.
+    for (order, power) in
+        [(RUN, true), (DOUBT, true), (Order::Pwm, true), (Order::Listen, false), (Order::Standby, false)]
+    {
+        let mut anew = Outputs::new(OutputSettings::DEFAULT, None, false);
+        anew.update(&snapshot(order, None, None));
+        assert_eq!(anew.power(), power, "{order}");
     }
     let mut stopped = cold;
     (stopped.ordered.order, stopped.stop_latched) = (Order::EmergencyStop, true);

@@ -411,3 +411,26 @@ fn a_stick_is_not_calibrated_for_one_engine_while_another_one_turns() {
         assert_eq!(calibrate(1, true), Some(Ok(())));
     });
 }
+
+/// The second engine waits for the first, and its receiver has a gap: that is the end of the wait, with the switch where it was.
+#[test]
+fn start_that_waits_ends_at_a_gap_of_the_receiver() {
+    for gap in [false, true] {
+        run(false, async |world| {
+            world.pass(2000).await;
+            world.receiver.switch.set(STANDBY);
+            world.until("armed", 30, || world.both(|engine| engine.telemetry().armed)).await;
+            world.until("standby", 60, || world.states() == [EngineState::Standby; 2]).await;
+            world.pass(2000).await;
+            world.receiver.switch.set(RUN);
+            world.until("a wait", 2, || world.engines[1].telemetry().start_waits_until.is_some()).await;
+            world.pass(1000).await;
+            world.receiver.on.set(!gap);
+            world.pass(350).await;
+            world.receiver.on.set(true);
+            world.pass(240_000).await;
+            let runs = world.engines[1].telemetry().state == EngineState::Running;
+            assert_eq!(runs, !gap, "{:?}", world.states());
+        });
+    }
+}
