@@ -78,6 +78,11 @@ pub trait Attached: Debug {
 
     /// What the receiver of radio control sends; `None`: there is none.
     fn channels(&self, now: Instant) -> Option<Channels>;
+
+    /// Frames of the radio link that arrive, in percent; `None`: the receiver does not report it.
+    fn link_quality(&self, _now: Instant) -> Option<u8> {
+        None
+    }
 }
 
 /// Streams of a port that are of what is attached.

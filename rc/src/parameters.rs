@@ -166,4 +166,8 @@ impl<const N: usize> Attached for Parameters<'_, '_, N> {
         let pulse = |number| channels?.get(u8::try_from(number + 1).ok()?).map(|pulse| pulse.us());
         Some(core::array::from_fn(pulse))
     }
+
+    fn link_quality(&self, now: Instant) -> Option<u8> {
+        self.radio?.borrow().link_quality(now)
+    }
 }

@@ -10,6 +10,9 @@ use heapless::Vec;
 /// Time for which the channels of a frame are what the receiver sends.
 const FRESH: Duration = Duration::from_millis(500);
 
+/// Time for which link statistics are what the receiver reports.
+const LINK_FRESH: Duration = Duration::from_secs(1);
+
 /// An input and up to `N` engines.
 #[derive(Debug)]
 pub struct Service<'a, const N: usize> {
@@ -62,6 +65,13 @@ impl<'a, const N: usize> Service<'a, N> {
     pub fn channels(&self, now: Instant) -> Option<&Channels> {
         let (at, channels) = self.last.as_ref()?;
         (now.saturating_duration_since(*at) <= FRESH).then_some(channels)
+    }
+
+    /// Frames of the radio link that arrive, in percent, as a CRSF receiver has reported it within the last second.
+    pub fn link_quality(&self, now: Instant) -> Option<u8> {
+        let Input::Crsf(crsf) = &self.input else { return None };
+        let link = crsf.link().filter(|link| now.saturating_duration_since(link.at) <= LINK_FRESH)?;
+        Some(link.uplink_quality)
     }
 
     /// The stored settings are damaged, or have been confirmed: while they are damaged no engine is started.

@@ -129,7 +129,8 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     /// Channels of the receiver, where there is one.
     pub(super) fn send_channels(&mut self, now: Instant, port: usize, class: Class) {
         let Some(channels) = self.attached.channels(now) else { return };
-        let message = rc_channels(self.since_start(now), &channels);
+        let quality = self.attached.link_quality(now);
+        let message = rc_channels(self.since_start(now), &channels, quality);
         self.send(now, port, Place::Node, class, &message);
     }
 
@@ -265,8 +266,10 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     }
 }
 
-/// Channels of a receiver as a message. 65535 is a channel without a value; the quality of the reception is not known.
-fn rc_channels(time_boot_ms: u32, channels: &Channels) -> RC_CHANNELS_DATA {
+/// Channels of a receiver as a message. 65535 is a channel without a value. The strength of its signal is 254 for a link of which all
+/// frames arrive, and 255 if that is not known.
+fn rc_channels(time_boot_ms: u32, channels: &Channels, quality: Option<u8>) -> RC_CHANNELS_DATA {
+    let rssi = quality.map_or(u8::MAX, |percent| (u16::from(percent.min(100)) * 254 / 100) as u8);
     let [c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, c15, c16, c17, c18] =
         channels.map(|channel| channel.unwrap_or(u16::MAX));
     let count = channels.iter().rposition(Option::is_some).map_or(0, |last| last + 1);
@@ -291,7 +294,7 @@ fn rc_channels(time_boot_ms: u32, channels: &Channels) -> RC_CHANNELS_DATA {
         chan17_raw: c17,
         chan18_raw: c18,
         chancount: count as u8, // 18 at most
-        rssi: u8::MAX,
+        rssi,
     }
 }
 

@@ -34,6 +34,8 @@ pub struct State {
     outputs: Cell<[Outputs; 2]>,
     changes: RefCell<VecDeque<Change>>,
     channels: Cell<Option<Channels>>,
+    /// Quality of its link.
+    quality: Cell<Option<u8>>,
 }
 
 /// Two tables of settings for each engine, outputs and a receiver.
@@ -103,6 +105,10 @@ impl Attached for Toy {
 
     fn channels(&self, _: Instant) -> Option<Channels> {
         self.0.channels.get()
+    }
+
+    fn link_quality(&self, _: Instant) -> Option<u8> {
+        self.0.quality.get()
     }
 }
 
@@ -334,6 +340,12 @@ fn channels_are_sent_on_request_only() {
         assert_eq!((one[0].chan1_raw, one[0].chan2_raw, one[0].chan3_raw), (1500, u16::MAX, 1100));
         assert_eq!((one[0].chan5_raw, one[0].chan18_raw), (2000, u16::MAX));
         assert_eq!((one[0].chancount, one[0].rssi), (5, u8::MAX));
+        for (percent, rssi) in [(0, 0), (50, 127), (100, 254), (255, 254)] {
+            world.toy.quality.set(Some(percent));
+            let at = world.frames.borrow().len();
+            assert_eq!(world.command(NODE, CMD_REQUEST_MESSAGE, &[65.0]).await.0, Some(0));
+            assert_eq!(sent(world, at, TO_GROUND, channels)[0].rssi, rssi, "{percent} %");
+        }
         // On the port that asks, at the rate that it asks for.
         assert_eq!(world.command(NODE, CMD_SET_MESSAGE_INTERVAL, &[65.0, 200_000.0]).await.0, Some(0));
         let at = world.frames.borrow().len();

@@ -1,6 +1,7 @@
 //! Settings of radio control and outputs as MAVLink sets them, and what it reports of both.
 
 use super::world::*;
+use crate::crsf::Crsf;
 use crate::input::Input;
 use crate::outputs::Outputs;
 use crate::parameters::{Parameters, apply, rows};
@@ -21,7 +22,7 @@ use jetlink::units::{Rpm, Throttle};
 use jetlink_mavlink::attached::{self, Attached};
 use jetlink_mavlink::refusal::Refusal;
 use sim::clock;
-use sim::receiver::{sbus, steps};
+use sim::receiver::{crsf_link, sbus, steps};
 use sim::zk::{ZkConfig, ZkEcu};
 use std::cell::RefCell;
 use std::string::ToString;
@@ -179,6 +180,20 @@ fn channels_are_those_of_the_receiver_while_it_sends() {
     let channels = parameters.channels(at(60)).unwrap();
     assert_eq!((channels[0], channels[2], channels[15]), (Some(1500), Some(1100), Some(1500)));
     assert_eq!(parameters.channels(at(600)), Some([None; 18]));
+    assert_eq!(parameters.link_quality(at(60)), None, "SBUS has no figure for it");
+}
+
+#[test]
+fn link_quality_is_that_of_the_last_second() {
+    let radio = RefCell::new(Service::<'_, 1>::new(Input::Crsf(Crsf::new()), []));
+    let parameters = Parameters::new(Some(&radio), None);
+    let at = |ms: u64| Instant::from_millis(10_000 + ms);
+    assert_eq!(parameters.link_quality(at(0)), None);
+    for (ms, quality) in [(0, 100), (200, 0), (400, 73)] {
+        radio.borrow_mut().receive(at(ms), &crsf_link(quality), false, |_, _| {});
+        assert_eq!(parameters.link_quality(at(ms)), Some(quality));
+    }
+    assert_eq!([1400, 1401].map(|ms| parameters.link_quality(at(ms))), [Some(73), None]);
 }
 
 #[test]
