@@ -45,7 +45,7 @@ pub(super) struct Sight {
     pub idle: Option<u64>,
     /// The move in sight to the position that counts; `None`: it was found.
     pub moved: Option<Move>,
-    /// The engine was handed over since that move.
+    /// The engine was handed over since that move, by a hand-over channel that counted.
     pub was_handed_over: bool,
 }
 
@@ -155,7 +155,9 @@ impl Eyes {
                 _ => None,
             },
         };
-        let in_range = throttle + rules.beyond >= rules.low && throttle <= rules.high + rules.beyond;
+        let driven = throttle >= DRIVEN || throttle + 10 >= rules.low;
+        let in_range =
+            driven && throttle + rules.beyond >= rules.low && throttle <= rules.high + rules.beyond;
         let (Some(position), Some(hand_over), true) = (position, hand_over, in_range) else {
             let at_stop = position == Some(Position::Stop) && switch >= DRIVEN;
             let row = self.stop.filter(|(_, last)| at <= last + PAUSE).map_or(at, |(first, _)| first);
@@ -196,7 +198,7 @@ impl Eyes {
             self.hand_over = Some(hand_over);
         }
         let hand_over_counts = self.hand_over == Some(hand_over) || position == Position::Stop;
-        self.was_handed_over |= hand_over;
+        self.was_handed_over |= self.hand_over == Some(true);
         Shown::Sight(Sight {
             tenths,
             position,
