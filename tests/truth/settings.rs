@@ -51,7 +51,7 @@ impl Setup {
         all.loss.ramp = rng.pick(&[500, 500, 100, 2000]);
         all.slew.up = rng.pick(&[None, None, Some(100), Some(500)]);
         all.slew.down = rng.pick(&[None, None, Some(60), Some(200)]);
-        let action = rng.pick(&[Action::FailSafe, Action::FailSafe, Action::Standby]);
+        let action = rng.pick(&[Action::FailSafe, Action::FailSafe, Action::FailSafe, Action::Standby]);
         match rng.below(12) {
             0..3 => {
                 let at = Some(Celsius::from_tenths(rng.pick(&[5500, 6200])));

@@ -261,6 +261,7 @@ impl Life {
         };
         self.restarting = match sign {
             Sign::State { stage: Stage::Restart, .. } => self.restarting.or(Some(now)),
+            Sign::State { stage: Stage::Ignition | Stage::FuelRamp, .. } => self.restarting,
             Sign::State { .. } => None,
             _ => self.restarting,
         };
@@ -317,6 +318,11 @@ impl Life {
             (_, Stage::Restart) | (Progress::Ordered | Progress::Starting(_), Stage::Unknown) => Fit::Neither,
             (Progress::Reached, Stage::Ignition | Stage::FuelRamp | Stage::Starting) if slow => {
                 Fit::Ends(End::StartsAgain)
+            }
+            // The ECU may have restarted in less than a gap, and "run" would start its engine while the shaft coasts. In its own restart
+            // it lights an engine that is ordered to run.
+            (Progress::Reached, Stage::Ignition | Stage::FuelRamp) if self.restarting.is_none() => {
+                Fit::Doubtful
             }
             // Idle calibration and "started up" in flight mean nothing while the shaft turns.
             (Progress::Reached, Stage::StartedUp | Stage::Calibrating | Stage::Unknown)

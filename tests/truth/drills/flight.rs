@@ -70,7 +70,7 @@ impl Director {
             _ => rng.spread(2 * SECOND, 25 * SECOND),
         };
         // Most are such as the engine outlives.
-        (wire, if rng.percent(85) { self.outlived(length) } else { length })
+        (wire, if rng.percent(94) { self.outlived(length) } else { length })
     }
 
     /// A cut for no longer than the ECU puts up with.

@@ -324,8 +324,10 @@ impl Case<'_> {
         let unreadable = self.is_amt()
             && h.sensor.touches(at.saturating_sub(SECOND), at)
             && self.faults.touches(at.saturating_sub(SECOND), at);
-        // After a reset an AMT engine is in doubt until a set says that it runs, which no error set does.
-        let last_up = h.resets.iter().map(|reset| reset.up).filter(|up| *up <= at).max();
+        // After a reset or a gap an AMT engine is in doubt until a set says that it runs, which no error set does.
+        let ups = h.resets.iter().map(|reset| reset.up);
+        let gaps = self.blind.iter().filter(|(from, to)| to - from > rules.period).map(|(_, to)| to);
+        let last_up = ups.chain(gaps).filter(|up| *up <= at).max();
         let no_state =
             self.is_amt() && last_up.is_some_and(|up| self.faults.within(up, at) + 200 * MS >= at - up);
         let hidden =

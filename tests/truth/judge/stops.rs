@@ -64,7 +64,9 @@ impl Case<'_> {
         let up = self.command_log.fresh(release.source, at).is_some_and(up);
         let received = !self.hidden.touches(since, at + 1) && !self.faults.touches(since, at + 1);
         let runs = received && self.runs.within(since, at) == at - since;
-        let lost = at > 3 * SECOND && self.blind.within(since, at) == at - since;
+        // One frame is a link, and one that no ECU sent is a frame.
+        let forged = h.forged.iter().any(|forged| (since..=at).contains(forged));
+        let lost = at > 3 * SECOND && self.blind.within(since, at) == at - since && !forged;
         up && !h.resets.iter().any(|reset| (since..at).contains(&reset.up)) || runs || lost
     }
 

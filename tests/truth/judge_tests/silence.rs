@@ -284,6 +284,12 @@ fn in_silence_an_engine_that_nothing_shows_is_shut_down() {
     };
     reset(38).breaks_beside(&[Rule::Doubt], &[]);
     reset(45).breaks_beside(&[Rule::Doubt], &[Rule::ShutDown]);
+    // So it is after a gap.
+    let shut_down = |from: u64| {
+        let gap = |h: &mut History| h.mute = Spans::from(&[(39 * SECOND, 39_400 * MS)]);
+        since(from, false).with(gap).judged().rules().contains(&Rule::ShutDown)
+    };
+    assert!(!shut_down(38) && shut_down(45));
 }
 
 /// A transmitter that hangs is one until it continues; a reset of the chip frees it, and what was on its way then is lost.

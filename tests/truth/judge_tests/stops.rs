@@ -44,6 +44,23 @@ fn an_engine_that_is_shut_down_goes_out() {
     by_command(PilotCommand::ShutDown, 66.0).with(cut).passes();
 }
 
+/// While the ECU is silent a release does not count. A frame that no ECU sent is one to the node.
+#[test]
+fn a_release_counts_behind_a_frame_that_nobody_sent() {
+    let released = |forged: bool| {
+        let story = flight(ZK5, 40.0)
+            .once(2, 40.0, PilotCommand::Stop)
+            .streams(2, 43.0, 46.0, PilotCommand::Release)
+            .wire(40.02, 45.0, STOP)
+            .wire(45.0, 50.0, STANDBY)
+            .turbine(40.0, 50.0, Phase::Cooling, 5000.0, 400.0)
+            .with(|h| h.mute = Spans::from(&[(40 * SECOND, 50 * SECOND)]))
+            .with(move |h| h.forged.extend(forged.then_some(44_990 * MS)));
+        !story.judged().rules().contains(&Rule::Stop)
+    };
+    assert!(released(true) && !released(false));
+}
+
 #[test]
 fn a_stop_is_in_every_frame_until_its_release() {
     let story = |kind, sent: Sent| {

@@ -66,7 +66,8 @@ fn amt_3_each_state_affects_a_running_engine_as_documented() {
     }
 }
 
-/// The same of a ZK ECU: after a gap 13, and 2 to 5 at any shaft speed, end the life; without one 13 does neither.
+/// The same of a ZK ECU: after a gap 13, and 2 to 5 at any shaft speed, end the life; without one 13 does neither, and 2 to 5 at speed
+/// are a doubt: the ECU may have restarted in less than a gap.
 #[test]
 fn zk_each_state_affects_a_running_engine_as_documented() {
     use End::{AtRest, StartsAgain};
@@ -74,7 +75,7 @@ fn zk_each_state_affects_a_running_engine_as_documented() {
     for state in 0..32 {
         let (without, after) = match state {
             0 | 1 | 12 | 14..=19 => ((Ends(AtRest), Ends(AtRest)), (Ends(AtRest), Ends(AtRest))),
-            2..=5 => ((GoesOn, Ends(StartsAgain)), (Ends(StartsAgain), Ends(StartsAgain))),
+            2..=5 => ((Doubt, Ends(StartsAgain)), (Ends(StartsAgain), Ends(StartsAgain))),
             6..=11 => ((GoesOn, Doubt), (Confirms, Doubt)),
             13 => ((GoesOn, GoesOn), (Ends(StartsAgain), Ends(StartsAgain))),
             _ => ((GoesOn, Doubt), (Doubt, Doubt)),
@@ -295,7 +296,8 @@ fn a_shaft_alone_neither_ends_nor_confirms() {
 #[test]
 fn zk_13_a_restart_by_the_ecu_has_the_time_of_a_start() {
     let config = Ecu::Zk.with(|s| s.start.timeout = Duration::from_secs(20));
-    for running_at in [None, Some(19 * SECOND)] {
+    // From then on it reports 13, or the stages of what it has begun: that is no doubt.
+    for (running_at, state) in [(None, 13), (None, 4), (Some(19 * SECOND), 13), (Some(19 * SECOND), 4)] {
         let mut scenario = Scenario::started_with(Ecu::Zk, config, percent(50));
         receive(&mut scenario, &report(Ecu::Zk, 13, TURNING));
         let from = scenario.now_us();
@@ -303,7 +305,8 @@ fn zk_13_a_restart_by_the_ecu_has_the_time_of_a_start() {
         while scenario.now_us() < end - FRAME_PERIOD_US {
             let _ = scenario.command(run(50));
             let back = running_at.is_some_and(|at| scenario.now_us() >= from + at);
-            receive(&mut scenario, &report(Ecu::Zk, if back { 11 } else { 13 }, TURNING));
+            receive(&mut scenario, &report(Ecu::Zk, if back { 11 } else { state }, TURNING));
+            assert_eq!(scenario.order(), Order::Run(percent(50)), "{state}");
             end = from + if running_at.is_some() { 40 * SECOND } else { 20 * SECOND };
         }
         scenario.run_to_us(end - 1);
