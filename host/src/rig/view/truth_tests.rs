@@ -75,8 +75,8 @@ fn an_engine_whose_run_is_over_is_not_said_to_wait_for_its_start() {
             let screen = text(&buffer(&played.model, COLOUR, 80, 24));
             let is_run = matches!(sample.order, jetlink::command::Order::Run(_));
             let is_requested = sample.does == EngineState::StartRequested;
-            assert_eq!(screen.contains("left is start requested"), is_requested && is_run, "{screen}");
-            assert_eq!(screen.contains("left is not obeying"), is_requested && !is_run, "{screen}");
+            assert_eq!(screen.contains("why: left (start requested)"), is_requested && is_run, "{screen}");
+            assert_eq!(screen.contains("why: left (not obeying)"), is_requested && !is_run, "{screen}");
             requested += u32::from(is_requested && is_run);
             not_obeying += u32::from(is_requested && !is_run);
         }
