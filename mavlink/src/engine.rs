@@ -190,10 +190,10 @@ impl<'a> Engine<'a> {
         }
     }
 
-    /// Passes a demand on: idle while a start waits and while the vehicle is disarmed. During a start the engine itself stays at
-    /// idle, and then rises at its rate.
+    /// Passes a demand on: idle while the vehicle is disarmed. During a start the engine itself stays at idle, and then rises at its rate.
+    /// While a start waits, a demand above idle ends it there.
     fn pass_on(&mut self, situation: Situation<'_>, throttle: Throttle) -> Option<Refusal> {
-        let held = situation.vehicle.arming() == Arming::Disarmed || self.switch == Switch::Waiting;
+        let held = situation.vehicle.arming() == Arming::Disarmed;
         let throttle = self.hold(situation.now, throttle, held);
         self.refreshed = Some(situation.now);
         match self.command(Command::Run(Demand::Throttle(throttle))) {

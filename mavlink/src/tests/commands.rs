@@ -363,6 +363,27 @@ fn a_start_waits_for_another_engine() {
     });
 }
 
+/// A start that waits "repeats every interlock, arming and idle, when it goes": a stream that rose meanwhile takes it back, and one that
+/// is at idle again starts nothing.
+#[test]
+fn a_start_that_waits_is_refused_when_the_stream_rises() {
+    run(async |world| {
+        world.ready().await;
+        assert_eq!(world.control(0, &[1.0]).await.0, ACCEPTED);
+        assert_eq!(world.control(1, &[1.0]).await.0, ACCEPTED);
+        assert!(world.telemetry(1).start_waits_until.is_some());
+        world.throttle(1740);
+        world.pass(2.0).await;
+        assert_eq!(world.telemetry(1).start_waits_until, None);
+        let texts = world.texts();
+        assert!(texts.contains("idle"), "{texts}");
+        world.throttle(1100);
+        world.until("the other runs", 200, || world.telemetry(0).state == EngineState::Running).await;
+        world.pass(20.0).await;
+        assert_eq!(world.telemetry(1).ordered.order, Order::Standby);
+    });
+}
+
 #[test]
 fn the_node_restarts_only_with_all_engines_at_rest() {
     run(async |world| {
