@@ -136,6 +136,9 @@ fn valves_follow_their_engines_and_each_change_has_its_reason() {
         assert!(output.status.success(), "{}{}", text(&output.stdout), text(&output.stderr));
         let rows = std::fs::read_to_string(rows).expect("written");
         assert_eq!(rows.contains("fuel valve"), valves);
+        let begins = text(&output.stdout).matches("fuel valve closed: no record of a running engine").count();
+        // Two engines, and each once for each start of the node.
+        assert_eq!(begins, if valves { 2 } else { 0 });
         for engine in ["left", "right"] {
             let of = |column| changes(&rows, engine, column);
             if !valves {

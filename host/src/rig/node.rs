@@ -91,6 +91,8 @@ impl<'a> Node<'a> {
             rejected_at_start: RefCell::new(vec![0; engines.len()]),
         };
         node.boot();
+        // The run starts it again: what its outputs are would be reported twice.
+        node.changes.take();
         node
     }
 
