@@ -275,9 +275,6 @@ async fn status(node: &'static Node<N>, mut led: Led, starting: u32) {
         if node.health().clock == ClockSource::Internal {
             defmt::info!("board: no crystal, all baud rates come from the chip's own oscillator");
         }
-        if node.health().settings_damaged {
-            defmt::error!("settings: DAMAGED, only stops are obeyed until they are confirmed by USB");
-        }
         let deepest = board::stack::deepest();
         if deepest > logged {
             logged = deepest;

@@ -149,6 +149,7 @@ pub fn load(settings: &mut Settings) {
 pub struct Mavlink {
     /// Runs it.
     pub runner: &'static Runner,
+    #[cfg(feature = "usb")]
     node: &'static Node<N>,
     store: Option<&'static mut Store>,
 }
@@ -170,6 +171,7 @@ pub fn build(node: &'static Node<N>, settings: Settings, radio: Option<&'static 
         config,
         settings,
     });
+    node.set_settings_damaged(found == Found::Damaged);
     let ports = [PortConfig::uart(TELEMETRY.baud), PortConfig::usb()].into_iter().take(PORTS);
     let now = embassy_time::Instant::now();
     let runner = RUNNER.init_with(|| {
@@ -187,7 +189,12 @@ pub fn build(node: &'static Node<N>, settings: Settings, radio: Option<&'static 
         }
         Runner::new(service)
     });
-    Mavlink { runner, node, store }
+    Mavlink {
+        runner,
+        #[cfg(feature = "usb")]
+        node,
+        store,
+    }
 }
 
 /// The key and its last time stamp, as a reset leaves them, or as they are stored.
@@ -206,7 +213,7 @@ const RETAIN_EVERY: embassy_time::Duration = embassy_time::Duration::from_millis
 
 /// Serves the telemetry port and stores settings, until a restart is commanded.
 pub async fn serve(mavlink: Mavlink, port: EcuPort) {
-    let Mavlink { runner, node, store } = mavlink;
+    let Mavlink { runner, store, .. } = mavlink;
     let mut system = None;
     #[cfg(feature = "usb")]
     let mut retain_at = embassy_time::Instant::MIN;
@@ -227,7 +234,8 @@ pub async fn serve(mavlink: Mavlink, port: EcuPort) {
             retain_at = _now + RETAIN_EVERY;
             board::key::KEY.store(&service.signing(_now));
         }
-        node.set_settings_damaged(service.has_to_be_confirmed());
+        #[cfg(feature = "usb")]
+        mavlink.node.set_settings_damaged(service.has_to_be_confirmed());
         if service.system_id() != system {
             system = service.system_id();
             if let Some(system) = system {

@@ -85,7 +85,7 @@ impl Indication {
             Self::SourceLost => "the source in control is lost: the engine goes through the stages of loss",
             Self::StopLatched => "an emergency stop is latched",
             Self::Fault => {
-                "fault: the crystal does not run or the stored settings are damaged (the log says so at the start and every second), or an engine needs a look: its link is not up, it is in doubt whether it runs, a limit has lowered its demand, its ECU reports a fault or does not follow its orders, or nothing can be sent to it"
+                "fault: the crystal does not run (the log says so at the start and every second), the stored settings are damaged (the log says so at the start), or an engine needs a look: its link is not up, it is in doubt whether it runs, a limit has lowered its demand, its ECU reports a fault or does not follow its orders, or nothing can be sent to it"
             }
         }
     }

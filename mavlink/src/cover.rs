@@ -51,7 +51,7 @@ pub(crate) struct Cover {
     wanted: Option<Stamp>,
     saving: Option<Stamp>,
     waiting: Vec<Waiting, WAITING>,
-    /// Why the last save failed, for those who wait.
+    /// Why a save failed, for those who wait.
     failed: Option<NotSaved>,
     /// The failure that a text said last.
     said: Option<NotSaved>,
@@ -100,6 +100,11 @@ impl Cover {
             self.want(stamp);
         }
         held
+    }
+
+    /// Whether frames wait.
+    pub fn has_waiting(&self) -> bool {
+        !self.waiting.is_empty()
     }
 
     /// What was being carried out is done.
@@ -166,11 +171,7 @@ impl Cover {
 
     /// The next frame that waits no longer, with its port.
     pub fn take(&mut self, now: Instant, turns: bool) -> Option<(usize, Frame, Fate)> {
-        let first = self.waiting.first();
-        let Some(first) = first else {
-            self.failed = None;
-            return None;
-        };
+        let first = self.waiting.first()?;
         let failed = self.failed.map(|why| match why {
             NotSaved::Full => Refusal::StoreFull,
             NotSaved::Failed => Refusal::StoreFails,

@@ -124,6 +124,7 @@ pub(crate) mod command_cancel {
 }
 
 /// `SETUP_SIGNING`.
+#[cfg_attr(not(feature = "signing"), allow(dead_code, reason = "it is answered with a text"))]
 pub(crate) mod setup_signing {
     pub const TIMESTAMP: usize = 0;
     pub const TARGET: usize = 8;

@@ -9,7 +9,6 @@ use crate::frame::{Address, Frame};
 use crate::ids::{
     CMD_DO_ENGINE_CONTROL, CMD_DO_FLIGHTTERMINATION, CMD_PREFLIGHT_REBOOT_SHUTDOWN, CMD_USER_1,
 };
-use crate::number::whole;
 use crate::services::is_stop;
 #[cfg(feature = "signing")]
 use mavlink_core::MessageData;
@@ -29,7 +28,7 @@ impl Kind {
     /// Of a command with its first parameter, whatever it is addressed to.
     pub fn of_command(command: u16, first: f32) -> Self {
         match command {
-            CMD_DO_ENGINE_CONTROL if whole(first) == Some(0) => Self::Stops,
+            CMD_DO_ENGINE_CONTROL if first == 0.0 => Self::Stops,
             CMD_USER_1 if is_stop(first) => Self::Stops,
             CMD_DO_FLIGHTTERMINATION => Self::Stops,
             CMD_DO_ENGINE_CONTROL | CMD_USER_1 | CMD_PREFLIGHT_REBOOT_SHUTDOWN => Self::Acts,

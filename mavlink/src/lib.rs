@@ -53,6 +53,7 @@ pub mod service;
 pub mod services;
 mod servo;
 pub mod settings;
+#[cfg_attr(not(feature = "signing"), allow(dead_code, reason = "nothing is signed, and nothing has to be"))]
 pub mod signing;
 pub mod store;
 #[cfg(test)]

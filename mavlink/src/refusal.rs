@@ -34,6 +34,7 @@ pub enum Refusal {
     /// A repeat of a start that was refused a moment ago.
     Repeated,
     /// A key is set only by USB.
+    #[cfg(feature = "signing")]
     OnlyByUsb,
     /// An engine turns.
     Turns,
@@ -56,8 +57,10 @@ pub enum Refusal {
     /// The stored settings are damaged, so that who may command is not known.
     Damaged,
     /// They are not.
+    #[cfg(feature = "signing")]
     NotDamaged,
     /// An engine is not seen at rest.
+    #[cfg(feature = "signing")]
     NotAtRest,
     /// The node has no receiver of radio control.
     NoReceiver,
@@ -67,10 +70,9 @@ impl Refusal {
     /// The answer of MAVLink.
     pub const fn ack(self) -> Ack {
         match self {
-            Self::NotAllowed(_)
-            | Self::OnlyByUsb
-            | Self::Malformed(_)
-            | Self::Engine(Rejected::NotSupported) => Ack::Denied,
+            #[cfg(feature = "signing")]
+            Self::OnlyByUsb => Ack::Denied,
+            Self::NotAllowed(_) | Self::Malformed(_) | Self::Engine(Rejected::NotSupported) => Ack::Denied,
             _ => Ack::TemporarilyRejected,
         }
     }
@@ -109,6 +111,7 @@ impl core::fmt::Display for Refusal {
             Self::Repeated => {
                 f.write_str("as the same start less than 5 s ago: wait for 5 s, then try again")
             }
+            #[cfg(feature = "signing")]
             Self::OnlyByUsb => f.write_str("set it by USB: elsewhere it can be read on its way"),
             Self::Turns => f.write_str("an engine turns or is ordered to run: stop it first"),
             Self::UnknownSetting => f.write_str("no parameter has this name"),
@@ -122,10 +125,10 @@ impl core::fmt::Display for Refusal {
             Self::StoreFull => f.write_str("the store is full until all engines are seen at rest"),
             Self::StoreFails => f.write_str("it cannot be stored"),
             Self::StoreBusy => f.write_str("others are being stored"),
-            Self::Damaged => {
-                f.write_str("the stored settings are damaged: check them all by USB, then USER_1 service 30")
-            }
+            Self::Damaged => f.write_str("the stored settings are damaged: confirm them by USB"),
+            #[cfg(feature = "signing")]
             Self::NotDamaged => f.write_str("the settings are not damaged"),
+            #[cfg(feature = "signing")]
             Self::NotAtRest => f.write_str("all engines have to be seen at rest"),
             Self::NoReceiver => f.write_str("the node has no receiver of radio control"),
         }

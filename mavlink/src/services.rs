@@ -78,7 +78,7 @@ pub(crate) enum NodeService {
 
 /// Whether a service stops an engine, and does nothing else.
 pub(crate) fn is_stop(first: f32) -> bool {
-    matches!(crate::number::whole(first), Some(1 | 3))
+    first == 1.0 || first == 3.0
 }
 
 /// The service of a command, or what is wrong with it.

@@ -236,14 +236,19 @@ pub(crate) struct Signing {
     /// A stamp, and the time at which it was right: the clock continues from there.
     clock: (Stamp, Instant),
     /// Where the senders were lost: what acts has to be signed with a later stamp than this.
+    #[cfg(feature = "signing")]
     floor: Stamp,
 }
 
 impl Signing {
     pub fn new(now: Instant, state: SigningState) -> Self {
         let clock = (state.stamp, now);
-        let floor = if state.streams.is_empty() { state.stamp } else { Stamp::ZERO };
-        Self { state, clock, floor }
+        Self {
+            #[cfg(feature = "signing")]
+            floor: if state.streams.is_empty() { state.stamp } else { Stamp::ZERO },
+            state,
+            clock,
+        }
     }
 
     /// Whether something that acts is so new that it cannot have been obeyed before the start.
@@ -332,6 +337,7 @@ impl Signing {
 
     /// Sets the key, or clears it. A stamp never goes back, unless another key replaces the one that is there: so a clock that
     /// was far ahead can be set right.
+    #[cfg(feature = "signing")]
     pub fn set_key(&mut self, now: Instant, key: Option<Key>, stamp: Stamp) {
         let replaced = matches!((self.state.key, key), (Some(old), Some(new)) if old != new);
         let stamp = if replaced { stamp } else { self.stamp(now).max(stamp) };

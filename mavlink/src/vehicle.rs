@@ -80,6 +80,7 @@ impl Vehicle {
     }
 
     /// The same vehicle, of which nothing was received.
+    #[cfg(feature = "signing")]
     pub fn anew(&self) -> Self {
         Self { learns: self.learns, learnt: self.learnt, ..Self::new(self.id.unwrap_or(0), 0) }
     }

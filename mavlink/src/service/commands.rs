@@ -47,7 +47,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         let [first, ..] = params;
         let kind = Kind::of_command(command, first);
         // Component 0 is all components: none obeys that.
-        let Some(place) = self.commanded(now, port, target, kind) else { return };
+        let Some(place) = self.addressed(now, port, target) else { return };
         self.counters.commands = self.counters.commands.wrapping_add(1);
         let answer = match self.check(port, from.system, kind) {
             Ok(()) => self.obey(now, port, from, place, command, confirmation, params),
@@ -63,24 +63,18 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     /// Whether a system may do this by this port. Where the settings are lost, nobody knows who may: anybody may stop, and only a person
     /// at the board may do more.
     pub(super) fn check(&self, port: usize, system: u8, kind: Kind) -> Result<(), Refusal> {
+        #[cfg(feature = "signing")]
+        if kind == Kind::Acts
+            && let Some(why) = self.cover.refusing
+        {
+            return Err(why);
+        }
         match kind {
             Kind::Stops if self.is_damaged() => Ok(()),
             Kind::Acts if self.is_damaged() && !self.is_usb(port) => Err(Refusal::Damaged),
-            #[cfg(feature = "signing")]
-            Kind::Acts if let Some(why) = self.cover.refusing => Err(why),
             _ if self.may_command(system) => Ok(()),
             _ => Err(Refusal::NotAllowed(system)),
         }
-    }
-
-    /// Which component of ours is commanded. Where the id of the vehicle is lost with the settings, a stop counts whatever system it is
-    /// addressed to: the id is not learnt while an engine runs.
-    fn commanded(&self, now: Instant, port: usize, target: Address, kind: Kind) -> Option<Place> {
-        let lost = self.is_damaged() && self.vehicle.id().is_none();
-        if kind == Kind::Stops && lost {
-            return self.place(target.component);
-        }
-        self.addressed(now, port, target)
     }
 
     fn answer(&mut self, now: Instant, port: usize, to: Address, place: Place, command: u16, answer: Answer) {
@@ -213,7 +207,12 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         };
         match (service, place) {
             (NodeService::EmergencyStop, _) => self.emergency_stop(now, place),
+            #[cfg(feature = "signing")]
             (NodeService::ConfirmSettings, Place::Node) => done(self.confirm_settings(self.is_usb(port))),
+            // Where they are damaged it has been refused: nobody is known to be at the board.
+            #[cfg(not(feature = "signing"))]
+            (NodeService::ConfirmSettings, _) => Ok(Ack::Unsupported),
+            #[cfg(feature = "signing")]
             (NodeService::ConfirmSettings, _) => {
                 refuse(Refusal::Malformed("address the component of the node"))
             }
@@ -238,7 +237,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     /// `COMMAND_CANCEL` of a start is a stop.
     pub(super) fn cancel(&mut self, now: Instant, port: usize, from: Address, target: Address, command: u16) {
         let kind = Kind::of_cancel(command);
-        let Some(place) = self.commanded(now, port, target, kind) else { return };
+        let Some(place) = self.addressed(now, port, target) else { return };
         self.counters.commands = self.counters.commands.wrapping_add(1);
         #[cfg(feature = "signing")]
         if kind == Kind::Stops {

@@ -29,18 +29,21 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         let target = |at| Address { system: fields.u8(at), component: fields.u8(at + 1) };
         if frame.id == SETUP_SIGNING_DATA::ID {
             let target = target(setup_signing::TARGET);
-            if cfg!(feature = "signing") {
-                self.set_up_signing(now, port, from, target, fields);
-            } else if self.addressed(now, port, target) == Some(Place::Node) {
-                let text =
-                    "no signing here: nothing is checked; keep strangers off the link, key the radio instead";
+            #[cfg(feature = "signing")]
+            self.set_up_signing(now, port, from, target, fields);
+            #[cfg(not(feature = "signing"))]
+            if self.addressed(now, port, target) == Some(Place::Node) {
+                let text = "no signing here: keep strangers off the link";
                 self.say(now, Place::Node, Severity::Warning, Some(port), format_args!("{text}"));
             }
             return;
         }
+        #[cfg(feature = "signing")]
         if !has_waited && !self.admits(now, port, &frame) {
             return;
         }
+        #[cfg(not(feature = "signing"))]
+        let _ = has_waited;
         match frame.id {
             HEARTBEAT_DATA::ID => {
                 self.note_station(now, from.system);

@@ -8,13 +8,13 @@ use crate::record::{self, Record};
 use crate::refusal::Refusal;
 use crate::settings::{LEARNT, Table, find_row};
 use crate::store::NotSaved;
-use embassy_time::{Duration, Instant};
+use embassy_time::Instant;
 #[cfg(feature = "signing")]
 use jetlink::config::EngineConfig;
 use jetlink::setting::{Effect, Row};
 
-/// Time between two texts that the settings are damaged.
-const DAMAGED_EVERY: Duration = Duration::from_secs(10);
+/// Heartbeats, one a second, between two texts that the settings are damaged.
+const DAMAGED_EVERY: u8 = 10;
 
 impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     /// Sets what happens to parameters that are set. By default the code that builds the service looks after them.
@@ -25,7 +25,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     /// Reports that the stored settings are damaged: nothing is obeyed but a stop, and what comes by USB but a start, until a person confirms
     /// that the defaults, or what was set since, are right (service 30).
     pub fn set_damaged(&mut self, damaged: bool) {
-        self.damaged = damaged.then_some(Instant::MIN);
+        self.damaged = damaged.into();
         #[cfg(feature = "signing")]
         {
             self.are_retained = false;
@@ -44,7 +44,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
 
     /// Whether the settings are lost, and nobody has confirmed the present ones.
     pub const fn is_damaged(&self) -> bool {
-        self.damaged.is_some() && !self.are_retained()
+        self.damaged != 0 && !self.are_retained()
     }
 
     /// Whether the present settings are those of before the reset.
@@ -57,22 +57,27 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
 
     /// Whether a person has to confirm the present settings: what is stored is damaged.
     pub const fn has_to_be_confirmed(&self) -> bool {
-        self.damaged.is_some()
+        self.damaged != 0
     }
 
-    /// Says on every port that they are, from time to time.
+    /// Says on every port that they are, from time to time. Call it with each heartbeat.
     pub(super) fn report_damage(&mut self, now: Instant) {
-        if self.damaged.is_some_and(|due| now >= due) {
-            self.damaged = Some(now + DAMAGED_EVERY);
+        if !self.has_to_be_confirmed() {
+            return;
+        }
+        self.damaged = self.damaged.saturating_sub(1);
+        if self.damaged == 0 {
+            self.damaged = DAMAGED_EVERY;
             let text = match self.are_retained() {
-                true => "stored settings DAMAGED: confirm those of now by USB (service 30)",
-                false => "settings DAMAGED: only stops are obeyed until confirmed by USB (service 30)",
+                true => "stored settings DAMAGED: confirm those of now by USB",
+                false => "settings DAMAGED: only stops are obeyed",
             };
             self.say(now, Place::Node, Severity::Critical, None, format_args!("{text}"));
         }
     }
 
     /// Confirms the present settings: all are stored anew.
+    #[cfg(feature = "signing")]
     pub(super) fn confirm_settings(&mut self, at_board: bool) -> Result<(), Refusal> {
         if !self.has_to_be_confirmed() {
             return Err(Refusal::NotDamaged);
@@ -103,7 +108,10 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
 
     /// Whether all records have to be stored anew. Returned once.
     pub fn take_anew(&mut self) -> bool {
-        core::mem::take(&mut self.anew)
+        #[cfg(feature = "signing")]
+        return core::mem::take(&mut self.anew);
+        #[cfg(not(feature = "signing"))]
+        false
     }
 
     /// The next record to store, with its key. [`Service::saved`] has to follow.

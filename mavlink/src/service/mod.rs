@@ -5,6 +5,7 @@ mod incoming;
 mod keeping;
 mod outgoing;
 pub mod parameters;
+#[cfg(feature = "signing")]
 mod signing;
 
 use crate::attached::{Attached, Nothing, sealed::Streams};
@@ -105,12 +106,13 @@ pub struct Service<'a, const N: usize, const P: usize, A: Attached = Nothing> {
     signing_sent: u8,
     reboot: bool,
     keeping: Keeping,
-    /// The stored settings are damaged, and nobody has confirmed the present ones: when a text says so again.
-    damaged: Option<Instant>,
+    /// The stored settings are damaged, and nobody has confirmed the present ones: heartbeats until a text says so again. 0: they are not.
+    damaged: u8,
     /// The present ones are those of before the reset all the same.
     #[cfg(feature = "signing")]
     are_retained: bool,
     /// All records have to be stored anew.
+    #[cfg(feature = "signing")]
     anew: bool,
     /// Parameters that were set and are not stored yet.
     pending: Deque<Pending, PENDING>,
@@ -204,9 +206,10 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             signing_sent: 0,
             reboot: false,
             keeping: Keeping::ByBuilder,
-            damaged: None,
+            damaged: 0,
             #[cfg(feature = "signing")]
             are_retained: false,
+            #[cfg(feature = "signing")]
             anew: false,
             pending: Deque::new(),
             counters: Counters::default(),
@@ -358,6 +361,11 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         Situation { now, vehicle, received }
     }
 
+    /// Whether whoever uses this port is a person at the board. An image without signing has no USB.
+    fn is_usb(&self, port: usize) -> bool {
+        cfg!(feature = "signing") && self.ports.get(port).is_some_and(|port| port.config.usb)
+    }
+
     /// Whether any engine turns or is ordered to.
     fn any_turns(&self) -> bool {
         self.engines.iter().any(Engine::turns)
@@ -389,9 +397,14 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             .is_some_and(|port| port.send(now, from, place.engine(), class, message, seal))
     }
 
-    /// Which component of ours a message is for. Component 0, which is all of them, is none.
+    /// Which component of ours a message is for. Component 0, which is all of them, is none. Where the id of the vehicle is lost with the
+    /// settings, it is for ours whatever its system: the id is not learnt while an engine runs, and a stop has to count.
     fn addressed(&self, now: Instant, port: usize, target: Address) -> Option<Place> {
-        (self.system(now, port) == Some(target.system)).then(|| self.place(target.component))?
+        match self.system(now, port) {
+            Some(system) if system == target.system => self.place(target.component),
+            None if self.is_damaged() => self.place(target.component),
+            _ => None,
+        }
     }
 
     /// Says on all ports why an engine was not started.

@@ -1,30 +1,19 @@
 //! What a key demands of frames that come in, and how it is set.
 
-#[cfg(feature = "signing")]
-use super::Keeping;
-use super::{Place, Service};
+use super::{Keeping, Place, Service};
 use crate::attached::Attached;
-#[cfg(feature = "signing")]
 use crate::cover::Fate;
 use crate::fields::{Fields, setup_signing};
 use crate::frame::{Address, Frame};
 use crate::ids::Severity;
-#[cfg(feature = "signing")]
 use crate::kind::Kind;
 use crate::refusal::Refusal;
 use crate::request::RateRequest;
 use crate::servo::FrameClock;
-#[cfg(feature = "signing")]
-use crate::signing::{Ignored, Signature};
-use crate::signing::{Key, Stamp};
+use crate::signing::{Ignored, Key, Signature, Stamp};
 use embassy_time::Instant;
 
 impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
-    /// Whether whoever uses this port is a person at the board.
-    pub(super) fn is_usb(&self, port: usize) -> bool {
-        self.ports.get(port).is_some_and(|port| port.config.usb)
-    }
-
     /// Whether a frame may do anything now. With a key, only what is signed and new; by USB everything may.
     pub(super) fn admits(&mut self, now: Instant, port: usize, frame: &Frame) -> bool {
         if self.signing.key().is_none() {
@@ -33,12 +22,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         let judged = self.signing.judge(now, port, frame.from, frame.signature);
         match judged {
             _ if self.is_usb(port) => true,
-            Ok(()) => {
-                #[cfg(feature = "signing")]
-                return self.is_covered(now, port, frame);
-                #[cfg(not(feature = "signing"))]
-                true
-            }
+            Ok(()) => self.is_covered(now, port, frame),
             Err(why) => {
                 self.counters.signing.count(why);
                 false
@@ -47,7 +31,6 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     }
 
     /// Whether a frame that is signed and new may be carried out now: after a loss of power, what has acted must not act again.
-    #[cfg(feature = "signing")]
     fn is_covered(&mut self, now: Instant, port: usize, frame: &Frame) -> bool {
         let (kind, target) = Kind::of_frame(frame);
         let Signature::Right { stamp, .. } = frame.signature else { return false };
@@ -69,8 +52,10 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     }
 
     /// What has waited until it was stored that it is obeyed.
-    #[cfg(feature = "signing")]
     pub(super) fn take_waiting(&mut self, now: Instant) -> Option<(usize, Frame)> {
+        if !self.cover.has_waiting() {
+            return None;
+        }
         let (port, frame, fate) = self.cover.take(now, self.any_turns())?;
         match fate {
             Fate::Covered => {}
@@ -84,7 +69,6 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     }
 
     /// Has key and time stamp stored, where an engine has stopped, and from time to time at rest.
-    #[cfg(feature = "signing")]
     pub(super) fn cover_from_time_to_time(&mut self, now: Instant) {
         if self.signing.key().is_some()
             && self.keeping == Keeping::Stored
@@ -146,12 +130,9 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
             .ok_or(Refusal::Malformed("SETUP_SIGNING: initial_timestamp has 48 bits"))?;
         let key = Key::new(setup.bytes(setup_signing::KEY));
         self.signing.set_key(now, key, stamp);
-        #[cfg(feature = "signing")]
-        {
-            self.cover.forget();
-            if self.keeping == Keeping::Stored {
-                self.cover.want(self.signing.stamp(now));
-            }
+        self.cover.forget();
+        if self.keeping == Keeping::Stored {
+            self.cover.want(self.signing.stamp(now));
         }
         // What was received before may have come from anybody. The id stays: it changes at a start only.
         self.vehicle = self.vehicle.anew();

@@ -400,6 +400,7 @@ fn the_node_restarts_only_with_all_engines_at_rest() {
     });
 }
 
+#[cfg(feature = "signing")]
 #[test]
 fn damaged_settings_grant_no_start_until_a_person_confirms_them() {
     const CONFIRM_SETTINGS: &[f32] = &[30.0, 21196.0];

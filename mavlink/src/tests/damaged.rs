@@ -84,6 +84,7 @@ fn nothing_is_obeyed_by_radio_but_a_stop_and_a_stop_of_anybody_is() {
     });
 }
 
+#[cfg(feature = "signing")]
 #[test]
 fn a_person_at_the_board_sets_and_confirms() {
     run(async |world| {
@@ -157,6 +158,7 @@ fn a_running_engine_runs_on_at_the_fail_safe_throttle() {
     });
 }
 
+#[cfg(feature = "signing")]
 #[test]
 fn it_is_said_on_every_port_until_it_is_confirmed() {
     run(async |world| {
