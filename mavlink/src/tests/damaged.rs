@@ -11,6 +11,7 @@ use crate::signing::SigningState;
 use jetlink::command::Order;
 use jetlink::engine::state::EngineState;
 use jetlink::event::LossStage;
+#[cfg(feature = "signing")]
 use std::vec::Vec;
 
 const ACCEPTED: Option<u8> = Some(Ack::Accepted as u8);
