@@ -15,7 +15,7 @@ use crate::command::{Accepted, Command, Demand, Interlock, Order, Origin, Reject
 use crate::ecu::Service;
 use crate::event::Event;
 use crate::link::Link;
-use crate::report::LinkState;
+use crate::report::{LinkState, Phase};
 use crate::units::{Rpm, Throttle};
 use embassy_time::{Duration, Instant};
 
@@ -381,6 +381,14 @@ impl Engine {
             return Err(Rejected::Start(Interlock::NotStandby));
         }
         self.cold(self.at).map_err(Rejected::Start)
+    }
+
+    /// Whether the engine is hot or has left standby since a service that moves fuel or heats was permitted. A service that goes on is
+    /// not standby either, and an EGT that is not known is none.
+    pub(super) fn fuel_is_unsafe(&self, now: Instant) -> bool {
+        let phase = self.link.status().report.phase.map(|phase| phase.value);
+        let left = matches!(phase, Some(Phase::Cooling | Phase::Starting | Phase::Running));
+        left || matches!(self.cold(now), Err(Interlock::TooHot(_)))
     }
 
     /// Clamps a demand to the engine's maximum. Reports it once, until a demand is within it again.

@@ -39,7 +39,7 @@ impl Engine {
 
     /// Ends what has timed out.
     fn expire(&mut self, now: Instant) {
-        if self.pump_ends().is_some_and(|at| now >= at) {
+        if self.pump_ends().is_some_and(|at| now >= at) || self.pump.is_some() && self.fuel_is_unsafe(now) {
             self.close_pump();
         }
         if let Some(wait) = self.start_wait

@@ -67,6 +67,24 @@ fn pump_open() -> Scenario {
     scenario
 }
 
+/// "Fuel never flows into a hot standing engine": what made the service safe has to last. The control: without a change it stays open.
+#[test]
+fn a_pump_is_closed_when_the_engine_is_no_longer_cold_or_in_standby() {
+    for (reports, egt, open) in [
+        (Reports::Standby, 26, true),
+        (Reports::Standby, 150, false),
+        (Reports::Cooling, 26, false),
+        (Reports::Starting, 26, false),
+    ] {
+        let mut scenario = pump_open();
+        scenario.values.egt_celsius = egt;
+        scenario.reports = Some(reports);
+        // Before its source counts as silent.
+        scenario.pass_us(6 * FRAME_PERIOD_US);
+        assert_eq!(closes(&scenario.bench.bytes()) == 0, open, "{reports:?} at {egt} °C");
+    }
+}
+
 /// "until the pump voltage reads zero or ten were sent": a transmitter that fails has sent none.
 #[test]
 fn close_pump_frames_that_were_not_sent_do_not_count() {
