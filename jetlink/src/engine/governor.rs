@@ -12,6 +12,10 @@ use embassy_time::{Duration, Instant};
 
 /// Resolution of the integral: parts of 0.1 %.
 const PARTS: i64 = 1_000_000;
+/// The same of the output: a slow rise is less than 0.1 % from speed to speed.
+const OUTPUT_PARTS: u32 = 1000;
+/// One part of the output, in those of the integral.
+const OUTPUT_PART: i64 = PARTS / OUTPUT_PARTS as i64;
 
 /// Rate of fall of a shaft, in rpm/s, above which fuel no longer accelerates it.
 const FALLING: u32 = 5000;
@@ -21,9 +25,9 @@ const FALLING: u32 = 5000;
 pub(super) struct Governor {
     /// In parts of 0.1 %.
     integral: i64,
-    /// Throttle for the last shaft speed, in 0.1 %.
+    /// Throttle for the last shaft speed, in parts of 0.1 %.
     wanted: u32,
-    /// Throttle that moves there, in 0.1 %: speeds that come seldom make no large steps.
+    /// Throttle that moves there, in the same parts: speeds that come seldom make no large steps.
     output: Ramp,
     seen: Option<Timed<Rpm>>,
 }
@@ -34,8 +38,8 @@ impl Governor {
         let tenths = throttle.tenths();
         Self {
             integral: tenths as i64 * PARTS,
-            wanted: tenths as u32,
-            output: Ramp::new(tenths as u32, now),
+            wanted: tenths as u32 * OUTPUT_PARTS,
+            output: Ramp::new(tenths as u32 * OUTPUT_PARTS, now),
             seen: None,
         }
     }
@@ -63,9 +67,9 @@ impl Governor {
             self.seen = Some(rpm);
             self.step(config, target, rpm.value, elapsed, falls && elapsed.as_ticks() > 0);
         }
-        let rates = Rates { up: Some(config.slew.into()), down: None };
+        let rates = Rates { up: Some(u32::from(config.slew) * OUTPUT_PARTS), down: None };
         let next = self.output.follow(now, self.wanted, rates);
-        let tenths = u16::try_from(self.output.value()).unwrap_or(0);
+        let tenths = u16::try_from(self.output.value() / OUTPUT_PARTS).unwrap_or(0);
         let old_at = rpm.at + config.max_age;
         let throttle = Throttle::from_tenths(tenths).unwrap_or(Throttle::IDLE);
         (throttle, next.map_or(old_at, |next| next.min(old_at)))
@@ -81,14 +85,13 @@ impl Governor {
         // A shaft that falls although the throttle was not lowered has no flame: more fuel would only flood it.
         let rise = if falls { 0 } else { i64::from(config.slew) * micros };
         // Not more than it rises until the next speed: without one it stays there.
-        let limit = highest.min(i64::from(self.output.value()) * PARTS + rise);
+        let limit = highest.min(i64::from(self.output.value()) * OUTPUT_PART + rise);
         // Anti-windup: up to a limit, and not further into it.
         let room = limit - self.integral - proportional;
         let step =
             if step > 0 { step.min(room.max(0)) } else { step.max(-(self.integral + proportional).max(0)) };
         self.integral = (self.integral + step).clamp(0, highest);
         let wanted = (self.integral + proportional).clamp(0, limit.max(0));
-        // Rounded up: a slow rise would otherwise end at each speed.
-        self.wanted = u32::try_from((wanted + PARTS - 1) / PARTS).unwrap_or(0);
+        self.wanted = u32::try_from(wanted / OUTPUT_PART).unwrap_or(0);
     }
 }
