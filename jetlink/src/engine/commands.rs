@@ -6,7 +6,6 @@
 //! while its source stays in control, and every interlock is checked again when it begins.
 
 use super::data::{Beginning, Engine, FuelService, Mode, OpenPump, StartWait, slot};
-use super::exhaust::Exhaust;
 use super::life::Life;
 use super::run::Run;
 use super::sources::Intent;
@@ -15,7 +14,7 @@ use crate::command::{Accepted, Command, Demand, Interlock, Order, Origin, Reject
 use crate::ecu::Service;
 use crate::event::Event;
 use crate::link::Link;
-use crate::report::{LinkState, Phase};
+use crate::report::LinkState;
 use crate::units::{Rpm, Throttle};
 use embassy_time::{Duration, Instant};
 
@@ -383,14 +382,6 @@ impl Engine {
         self.cold(self.at).map_err(Rejected::Start)
     }
 
-    /// Whether the engine is hot or has left standby since a service that moves fuel or heats was permitted. A service that goes on is
-    /// not standby either, and an EGT that is not known is none.
-    pub(super) fn fuel_is_unsafe(&self, now: Instant) -> bool {
-        let phase = self.link.status().report.phase.map(|phase| phase.value);
-        let left = matches!(phase, Some(Phase::Cooling | Phase::Starting | Phase::Running));
-        left || matches!(self.cold(now), Err(Interlock::TooHot(_)))
-    }
-
     /// Clamps a demand to the engine's maximum. Reports it once, until a demand is within it again.
     fn clamp(&mut self, demand: Demand) -> Demand {
         let Demand::Rpm(rpm) = demand else { return demand };
@@ -553,19 +544,6 @@ impl Engine {
         let steady = self.last_gap.is_none_or(|gap| now >= gap + time);
         let receiving = self.link.status().state == LinkState::Up && self.link.gap_at().is_some();
         if stable && steady && receiving { Ok(()) } else { Err(Interlock::Link) }
-    }
-
-    /// Whether the exhaust is cool in two consecutive values: AMT frames carry no checksum.
-    fn cold(&self, now: Instant) -> Result<(), Interlock> {
-        let rules = &self.config.start;
-        let max_age = rules.link_stable.max(Duration::from_secs(1));
-        let egt = self.link.status().report.egt.filter(|egt| egt.age(now) <= max_age);
-        // A broken thermocouple reads −50 °C, which must not pass as cool.
-        let Some(egt) = egt.filter(|egt| Exhaust::is_plausible(egt.value)) else {
-            return Err(Interlock::EgtUnknown);
-        };
-        let hottest = self.limits.hottest().unwrap_or(egt.value).max(egt.value);
-        if hottest > rules.egt_max { Err(Interlock::TooHot(hottest)) } else { Ok(()) }
     }
 
     fn is_idle(&self, demand: Demand) -> bool {

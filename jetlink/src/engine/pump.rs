@@ -1,8 +1,11 @@
-//! The fuel pump that a service opened: when it is closed, and whether it still may be open.
+//! Fuel into an engine at rest: whether it is cold, and when the pump that a service opened is closed.
 
 use super::data::Engine;
+use super::exhaust::Exhaust;
+use crate::command::Interlock;
 use crate::link::Link;
-use embassy_time::Instant;
+use crate::report::Phase;
+use embassy_time::{Duration, Instant};
 
 impl Engine {
     pub(super) fn close_pump(&mut self) {
@@ -31,5 +34,26 @@ impl Engine {
             self.sources.last_commanded(pump.origin).map_or(pump.last_rx, |at| at.max(pump.last_rx));
         let silent = last_rx.checked_add(self.config.timeouts.of(pump.origin)).unwrap_or(Instant::MAX);
         Some(silent.min(pump.until))
+    }
+
+    /// Whether the engine is hot or has left standby since a service that moves fuel or heats was permitted. A service that goes on is
+    /// not standby either, and an EGT that is not known is none.
+    pub(super) fn fuel_is_unsafe(&self, now: Instant) -> bool {
+        let phase = self.link.status().report.phase.map(|phase| phase.value);
+        let left = matches!(phase, Some(Phase::Cooling | Phase::Starting | Phase::Running));
+        left || matches!(self.cold(now), Err(Interlock::TooHot(_)))
+    }
+
+    /// Whether the exhaust is cool in two consecutive values: AMT frames carry no checksum.
+    pub(super) fn cold(&self, now: Instant) -> Result<(), Interlock> {
+        let rules = &self.config.start;
+        let max_age = rules.link_stable.max(Duration::from_secs(1));
+        let egt = self.link.status().report.egt.filter(|egt| egt.age(now) <= max_age);
+        // A broken thermocouple reads −50 °C, which must not pass as cool.
+        let Some(egt) = egt.filter(|egt| Exhaust::is_plausible(egt.value)) else {
+            return Err(Interlock::EgtUnknown);
+        };
+        let hottest = self.limits.hottest().unwrap_or(egt.value).max(egt.value);
+        if hottest > rules.egt_max { Err(Interlock::TooHot(hottest)) } else { Ok(()) }
     }
 }
