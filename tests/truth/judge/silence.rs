@@ -224,7 +224,8 @@ impl Case<'_> {
             if reset.down >= by && !(reset.cause == Cause::PowerOn && self.obeys_more(reset.down)) {
                 break;
             }
-            resets += 1;
+            // Without memory nobody counts those before.
+            resets = if reset.cause == Cause::PowerOn { 0 } else { resets + 1 };
             if resets > 3 {
                 // It resumes at the fail-safe.
                 by = by.min(reset.up + finds_out + 300 * MS);

@@ -285,10 +285,12 @@ impl Case<'_> {
             let cut = h.mute.last_before(at).filter(|(from, to)| {
                 let silent =
                     sent + 2 * h.rules.period + 50 * MS >= *from && at < to + h.rules.period + 50 * MS;
+                // With error sets the order goes on until the exhaust shows that the engine is out.
+                let faulted = self.faults.contains(sent) && self.live.longer(4 * SECOND).contains(sent);
                 self.is_amt()
                     && silent
                     && at < sent + h.rules.gives_up_after + SECOND
-                    && self.live.contains(sent)
+                    && (self.live.contains(sent) || faulted)
             });
             if let Some((from, _)) = cut {
                 self.verdict.exempt("AMT, a relight by the ECU while the wire to the node is cut", at - from);

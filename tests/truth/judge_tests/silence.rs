@@ -106,14 +106,15 @@ fn with_all_sources_silent_a_start_ends() {
 #[test]
 fn resets_do_not_keep_a_lost_demand_alive() {
     // Every 1.5 s a reset, and half throttle between them.
-    let story = |until: u64| {
+    let story = |until: u64, power_on_at: u64| {
         let mut story = flight(ZK5, 40.0);
         let mut at = 40_000;
         while at < 58_000 {
             let from = at as f64 / 1000.0;
             let sent = if at < until * 1000 { HALF } else { IDLE };
             story = story.wire(from + 0.75, from + 1.5, sent).with(|h| {
-                let reset = Reset { down: at * MS, up: (at + 300) * MS, cause: Cause::Watchdog };
+                let cause = if at == power_on_at { Cause::PowerOn } else { Cause::Watchdog };
+                let reset = Reset { down: at * MS, up: (at + 300) * MS, cause };
                 h.resets.push(reset);
             });
             at += 1500;
@@ -126,8 +127,11 @@ fn resets_do_not_keep_a_lost_demand_alive() {
             480.0,
         )
     };
-    story(46).passes();
-    story(60).breaks(&[Rule::SilentWire]);
+    story(46, 0).passes();
+    story(60, 0).breaks(&[Rule::SilentWire]);
+    // Without memory nobody counts those before.
+    let kept = |until, power_on_at| story(until, power_on_at).judged().rules().contains(&Rule::SilentWire);
+    assert!(kept(51, 0) && !kept(51, 44_500) && kept(58, 44_500));
 }
 
 /// A node without memory begins with what its ECU obeys, which is what came to it last.
