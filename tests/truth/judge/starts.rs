@@ -283,8 +283,10 @@ impl Case<'_> {
             // The order was right when it was given, and no other can reach the ECU since: AMT has no transmission but a
             // reply. Until its serial delay is over the ECU acts on that command.
             let cut = h.mute.last_before(at).filter(|(from, to)| {
-                let silent =
-                    sent + 2 * h.rules.period + 50 * MS >= *from && at < to + h.rules.period + 50 * MS;
+                // Behind the cut error sets get no reply either.
+                let faults = self.faults.within(*to, at) + 2 * h.rules.period >= at.saturating_sub(*to);
+                let unanswered = at < to + h.rules.period + 50 * MS || faults;
+                let silent = sent + 2 * h.rules.period + 50 * MS >= *from && unanswered;
                 // With error sets the order goes on until the exhaust shows that the engine is out.
                 let faulted = self.faults.contains(sent) && self.live.longer(4 * SECOND).contains(sent);
                 self.is_amt()

@@ -160,6 +160,17 @@ fn behind_a_cut_wire_an_amt_ecu_acts_on_its_last_command() {
         story.judged().rules().contains(&Rule::Ignition)
     };
     assert!(!out(38_000, true) && out(38_000, false));
+    // The cut is over, and error sets get no reply behind it.
+    let behind = |faults: bool| {
+        let story = story(42.0, true).with(move |h| {
+            h.mute = Spans::from(&[(39_900 * MS, 40_900 * MS)]);
+            for sample in h.samples.iter_mut().filter(|sample| (39_000..42_000).contains(&(sample.at / MS))) {
+                sample.fault = faults;
+            }
+        });
+        story.judged().rules().contains(&Rule::Ignition)
+    };
+    assert!(!behind(true) && behind(false));
 }
 
 /// And while the wire to it is cut, whatever the node sends.
