@@ -363,7 +363,8 @@ fn a_full_telemetry_port_costs_no_reply_window() {
                 margin / 1000,
                 report.load()
             );
-            assert!((5..=6).contains(&heartbeats), "{heartbeats}");
+            // From 5 s on, with the sixth heartbeat of its vehicle or the seventh: they come every second, exactly.
+            assert!((4..=6).contains(&heartbeats), "{heartbeats}");
             (set, margin)
         };
         let ((none, quiet), (set, flooded)) = (worst(false), worst(true));

@@ -162,9 +162,9 @@ fn behind_a_cut_wire_an_amt_ecu_acts_on_its_last_command() {
     assert!(!out(38_000, true) && out(38_000, false));
     // The cut is over, and error sets get no reply behind it.
     let behind = |faults: bool| {
-        let story = story(42.0, true).with(move |h| {
+        let story = story(44.7, true).with(move |h| {
             h.mute = Spans::from(&[(39_900 * MS, 40_900 * MS)]);
-            for sample in h.samples.iter_mut().filter(|sample| (39_000..42_000).contains(&(sample.at / MS))) {
+            for sample in h.samples.iter_mut().filter(|sample| (39_000..44_700).contains(&(sample.at / MS))) {
                 sample.fault = faults;
             }
         });
