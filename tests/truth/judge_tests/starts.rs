@@ -166,6 +166,8 @@ fn behind_a_cut_wire_an_amt_ecu_acts_on_its_last_command() {
             h.mute = Spans::from(&[(39_900 * MS, 40_900 * MS)]);
             for sample in h.samples.iter_mut().filter(|sample| (39_000..44_700).contains(&(sample.at / MS))) {
                 sample.fault = faults;
+                // The exhaust falls as one without a flame.
+                sample.egt -= 40.0 * sample.at.saturating_sub(40 * SECOND) as f64 / SECOND as f64;
             }
         });
         story.judged().rules().contains(&Rule::Ignition)
