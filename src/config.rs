@@ -121,7 +121,16 @@ pub const SUPPLY: bool = cfg!(feature = "supply");
 
 /// An active buzzer on an output of the board, which beeps as the status LED flashes ([README](../README.md#the-status-led)), but not
 /// while all is well. For example `Some(OutputPin::high(11))`.
+#[cfg(not(feature = "outputs"))]
 pub const BUZZER: Option<OutputPin> = None;
+
+/// Test images only (feature `outputs`): the last output of a board that has one left.
+#[cfg(feature = "outputs")]
+pub const BUZZER: Option<OutputPin> = if outputs_of_board() as usize > 2 * ENGINES.len() {
+    Some(OutputPin::high(outputs_of_board() - 1))
+} else {
+    None
+};
 
 const _: () = check(&ENGINES);
 const _: () = if let Some(outputs) = OUTPUTS {

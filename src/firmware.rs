@@ -9,10 +9,11 @@
 //! | `usb`, with the feature `usb` | thread mode | the same on USB |
 //! | `radio_control`, with a receiver | thread mode | SBUS or CRSF on an ECU port: starts, throttle, stops |
 //! | `radio_pulses`, with servo pulses | thread mode | the same by a timer |
+//! | `reception`, with a receiver or servo pulses | thread mode | logs a line per second of what was received |
 //! | `drive_outputs`, with outputs | interrupt, above the rest | fuel valves, power of starters and ignitions |
 //! | `log_outputs`, with outputs | thread mode | logs each change of an output and why |
 //! | `played_ecu`, with the feature `play-ecu` | interrupt, above the rest | plays an ECU on the last port |
-//! | `supply`, with a divider | thread mode | measures the supply voltage five times a second |
+//! | `supply`, with a divider | thread mode | measures the supply voltage five times a second, logs it once |
 //! | `supervisor` | thread mode | feeds the watchdog while every engine's runner works |
 //!
 //! After a reset a running engine resumes, and any other stays in standby. Engines are commanded by MAVLink, by
@@ -84,7 +85,7 @@ fn main() -> ! {
     board::guard::arm();
     let mut outputs = None;
     let restore = |cause: board::ResetCause| outputs = crate::outputs::restore(cause);
-    let mut board = board::init(FORMATS, Format::of_line(TELEMETRY), restore);
+    let mut board = board::init(const { board::plan(FORMATS) }, Format::of_line(TELEMETRY), restore);
     defmt::info!(
         "jetlink {=str} on {=str}, last reset: {=istr}",
         env!("CARGO_PKG_VERSION"),
@@ -126,6 +127,7 @@ fn main() -> ! {
             spawner.spawn(defmt::unwrap!(mavlink(service, board.telemetry)));
         }
         if let (Some(radio), Some(config)) = (radio, RADIO) {
+            spawner.spawn(defmt::unwrap!(reception(radio)));
             match config.uart() {
                 Some(port) => {
                     let port = defmt::unwrap!(board.ports[usize::from(port)].take());
@@ -319,7 +321,7 @@ impl defmt::Format for StatusLine<'_> {
             defmt::write!(f, ", faults {}", Text(&faults));
         }
         if in_doubt.is_some() {
-            defmt::write!(f, ", IN DOUBT whether it runs: the demand is withheld");
+            defmt::write!(f, ", IN DOUBT whether it runs: the demand may be withheld");
         }
         if *transmitter_failed {
             defmt::write!(f, ", TRANSMITTER FAILED: nothing is sent");
@@ -384,15 +386,29 @@ async fn radio_pulses(radio: &'static Radio) {
     crate::radio::serve_pulses(radio).await
 }
 
+/// What came of all that the receiver has sent, in the log once a second.
+#[embassy_executor::task]
+async fn reception(radio: &'static Radio) {
+    let mut second = Ticker::every(Duration::from_secs(1));
+    loop {
+        second.next().await;
+        crate::radio::log(radio);
+    }
+}
+
 /// The board's supply voltage, for ECUs that report none.
 #[embassy_executor::task]
 async fn supply(node: &'static Node<N>) {
     const { assert!(!SUPPLY || board::supply::IS_THERE, "this board has no divider that measures its supply") };
     let mut supply = board::supply::Supply::begin();
     let mut ticker = Ticker::every(Duration::from_millis(200));
-    loop {
+    // The first one is logged, and one a second.
+    for measured in (0..5).cycle() {
         let voltage = Millivolts::new(supply.millivolts());
         node.owners().iter().for_each(|owner| owner.setup().board_supply(voltage));
+        if measured == 0 {
+            defmt::info!("board: supply {=u32} mV", voltage.get());
+        }
         ticker.next().await;
     }
 }

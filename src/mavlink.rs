@@ -6,7 +6,6 @@
 )]
 
 use crate::attached::{self, ANY, Choice, Chosen, With};
-#[cfg(feature = "usb")]
 use crate::board::settings::SETTINGS;
 use crate::board::{self, EcuPort, Storage};
 use crate::radio::Radio;
@@ -20,7 +19,6 @@ use jetlink_mavlink::port::PortConfig;
 #[cfg(feature = "usb")]
 use jetlink_mavlink::record::read_signing;
 use jetlink_mavlink::record::{apply_to_engine, apply_to_node, engine_of_attached};
-#[cfg(feature = "usb")]
 use jetlink_mavlink::retained_settings::fingerprint;
 use jetlink_mavlink::service::{EngineParts, Keeping, Request, Service};
 use jetlink_mavlink::settings::{EngineSettings, NodeSettings};
@@ -69,8 +67,7 @@ pub struct Settings {
     signing: Option<SigningState>,
     store: Option<&'static mut Store>,
     found: Found,
-    /// What is stored is damaged, and these are from before the reset all the same.
-    #[cfg(feature = "usb")]
+    /// What is stored is damaged, or nothing is stored, and these are from before the reset.
     retained: bool,
 }
 
@@ -86,13 +83,11 @@ impl Settings {
             signing: None,
             store: None,
             found: Found::Empty,
-            #[cfg(feature = "usb")]
             retained: false,
         }
     }
 
-    /// Takes a record. In one place, but with USB.
-    #[cfg_attr(not(feature = "usb"), inline(always))]
+    /// Takes a record.
     fn apply(&mut self, key: u8, record: &[u8]) {
         #[cfg(feature = "usb")]
         if let Some(stored) = read_signing(key, record) {
@@ -115,33 +110,35 @@ impl Settings {
 #[inline(never)]
 pub fn load(settings: &mut Settings) {
     static STORE: StaticCell<Store> = StaticCell::new();
-    let Some(storage) = board::storage() else {
-        defmt::info!("settings: this board stores none");
-        return;
-    };
-    // It waits for nothing: only writes and erases do.
-    let mut apply = |key, record: &[u8]| settings.apply(key, record);
-    let (store, found) = block_on(Store::load(storage, &AT_REST, &mut apply));
-    // Damaged: what is left of them may not be what anybody has chosen. Those that contradict each other are not, either.
-    let found = if validate(&settings.engines).is_ok() { found } else { Found::Damaged };
-    if found == Found::Damaged {
+    let mut found = Found::Empty;
+    let mut store = None;
+    if let Some(storage) = board::storage() {
+        // It waits for nothing: only writes and erases do.
+        let loaded = block_on(Store::load(storage, &AT_REST, &mut |key, record| settings.apply(key, record)));
+        found = loaded.1;
+        store = Some(STORE.init(loaded.0));
+        // Damaged: what is left of them may not be what anybody has chosen. Those that contradict each other are not, either.
+        if validate(&settings.engines).is_err() {
+            found = Found::Damaged;
+        }
+    }
+    let stores = store.is_some();
+    if found == Found::Damaged || !stores {
         *settings = Settings::new();
-        #[cfg(feature = "usb")]
-        {
-            let mut apply = |key, record: &[u8]| settings.apply(key, record);
-            settings.retained = SETTINGS.load(fingerprint(&ENGINES), &mut apply);
-        }
+        settings.retained =
+            SETTINGS.load(fingerprint(&ENGINES), &mut |key, record| settings.apply(key, record));
     }
-    match found {
-        Found::Empty => defmt::info!("settings: none are stored"),
-        Found::Whole => defmt::info!("settings: as stored"),
-        #[cfg(feature = "usb")]
-        Found::Damaged if settings.retained => {
-            defmt::error!("settings: DAMAGED, those of before the reset count");
+    match (found, settings.retained) {
+        (Found::Whole, _) => defmt::info!("settings: as stored"),
+        (Found::Empty, true) => {
+            defmt::info!("settings: this board stores none, those of before the reset count")
         }
-        Found::Damaged => defmt::error!("settings: DAMAGED, the defaults count"),
+        (Found::Empty, false) if stores => defmt::info!("settings: none are stored"),
+        (Found::Empty, false) => defmt::info!("settings: this board stores none"),
+        (Found::Damaged, true) => defmt::error!("settings: DAMAGED, those of before the reset count"),
+        (Found::Damaged, false) => defmt::error!("settings: DAMAGED, the defaults count"),
     }
-    settings.store = Some(STORE.init(store));
+    settings.store = store;
     settings.found = found;
 }
 
@@ -160,10 +157,10 @@ pub struct Mavlink {
 pub fn build(node: &'static Node<N>, settings: Settings, radio: Option<&'static Radio>) -> Mavlink {
     static RUNNER: StaticCell<Runner> = StaticCell::new();
     #[cfg(feature = "usb")]
-    let (signing, retained) = (signing(settings.signing.clone()), settings.retained);
+    let signing = signing(settings.signing.clone());
     #[cfg(not(feature = "usb"))]
     let signing = SigningState::NONE;
-    let Settings { node: of_node, engines, own, attached, store, found, .. } = settings;
+    let Settings { node: of_node, engines, own, attached, store, found, retained, .. } = settings;
     let owners = node.owners().into_iter();
     let engines = owners.zip(engines).zip(own).map(|((owner, config), settings)| EngineParts {
         source: defmt::unwrap!(owner.source(Origin::Mavlink)),
@@ -179,8 +176,7 @@ pub fn build(node: &'static Node<N>, settings: Settings, radio: Option<&'static 
         let mut service = Service::with(now, of_node, signing, engines, ports, attached);
         service.set_keeping(if store.is_some() { Keeping::Stored } else { Keeping::Lost });
         service.set_damaged(found == Found::Damaged);
-        #[cfg(feature = "usb")]
-        if retained {
+        if retained && found == Found::Damaged {
             service.set_retained();
         }
         if PORTS > USB_PORT {
@@ -217,17 +213,14 @@ pub async fn serve(mavlink: Mavlink, port: EcuPort) {
     let mut system = None;
     #[cfg(feature = "usb")]
     let mut retain_at = embassy_time::Instant::MIN;
-    // Number of settings that were set when those in RAM were stored last.
-    #[cfg(feature = "usb")]
+    // Number of settings that were set when those in RAM were stored last, and the id that was learnt.
     let mut retained = None;
+    let fingerprint = fingerprint(&ENGINES);
     let time = runner.keep_time(|_now, service| {
-        #[cfg(feature = "usb")]
-        {
-            let set = Some(service.counters().parameters_set);
-            if !service.is_damaged() && retained != set {
-                retained = set;
-                SETTINGS.store(fingerprint(&ENGINES), service.changes(&ENGINES));
-            }
+        let set = Some((service.counters().parameters_set, service.settings().identity.learnt));
+        if !service.is_damaged() && retained != set {
+            retained = set;
+            SETTINGS.store(fingerprint, service.changes(&ENGINES));
         }
         #[cfg(feature = "usb")]
         if _now >= retain_at {

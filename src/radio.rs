@@ -2,12 +2,14 @@
 
 use crate::board::{self, EcuPort};
 use core::cell::RefCell;
+use defmt::Display2Format as Text;
 use embassy_time::Instant;
 use jetlink::command::Origin;
 use jetlink::config::EngineConfig;
 use jetlink::node::Node;
 use jetlink_fw::config::{ENGINES, RADIO};
 use jetlink_rc::pilot::{Outcome, Pilot};
+use jetlink_rc::reception::Unused;
 use jetlink_rc::runner;
 use jetlink_rc::settings::EngineSettings;
 use static_cell::StaticCell;
@@ -56,6 +58,27 @@ pub async fn serve(radio: &'static Radio, port: EcuPort) -> ! {
 pub async fn serve_pulses(radio: &'static Radio) -> ! {
     board::pulses::begin();
     runner::run_pulses(radio, board::pulses::next, logged()).await
+}
+
+/// Logs what came of all that was received, and what engines could not use of it: once a second.
+#[expect(clippy::disallowed_methods, reason = "whether the link was reported lately")]
+pub fn log(radio: &Radio) {
+    let service = radio.borrow();
+    let reception = service.input().reception();
+    match service.link_quality(Instant::now()) {
+        Some(quality) => defmt::info!("radio control: {}; uplink {=u8} %", Text(&reception), quality),
+        None => defmt::info!("radio control: {}", Text(&reception)),
+    }
+    let rests = board::pulses::rests();
+    if rests != 0 {
+        defmt::info!("radio control: noise on an input for pulses, {=u32} times", rests);
+    }
+    for (pilot, engine) in service.pilots().iter().zip(&ENGINES) {
+        let unused = Unused(*pilot.counters());
+        if unused.is_any() {
+            defmt::info!("{=str}: radio control: {}", engine.name, Text(&unused));
+        }
+    }
 }
 
 /// Logs what comes of frames.

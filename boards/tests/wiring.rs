@@ -112,6 +112,8 @@ impl Svg {
         for (row, signal) in ["3.3 V, a few mA", "ground"].into_iter().enumerate() {
             self.text(BOARD_RIGHT - 12, y + 2 * ROW * row as u32 + 5, 16, "end", 1, signal);
         }
+        // To ground, this level would energise.
+        self.text(56, y + 3 * ROW + 5, 14, "start", 4, "OutputPin::low: 10 kΩ to 3.3 V");
         self.text(56, y + 3 * ROW + 28, 14, "start", 2, "pins: docs/boards.md");
         self.signal((BOARD_RIGHT, y), (CONVERTER.0, y));
         self.wire((BOARD_RIGHT, y + 2 * ROW), (CONVERTER.0, y + 2 * ROW));
@@ -136,6 +138,29 @@ impl Svg {
             self.text(ECU_LEFT + 12, y + ROW * (row as u32 + 1) + 5, 16, "start", 1, line);
         }
         self.text(ECU_LEFT + 16, y + 3 * ROW + 28, 14, "start", 4, "closed without power");
+    }
+
+    /// A receiver of radio control: its signal comes in, and nothing goes out to it.
+    fn receiver(&mut self, y: u32) {
+        self.rect((40, y - 50), (BOARD_RIGHT - 40, 2 * ROW + 90));
+        self.text(56, y - 24, 17, "start", 1, "jetlink's board");
+        self.rect((ECU_LEFT, y - 50), (WIDTH - 40 - ECU_LEFT, 2 * ROW + 90));
+        self.text(ECU_LEFT + 16, y - 24, 17, "start", 1, "receiver");
+        for (row, (board, receiver)) in
+            [("RX of a port, or an input for pulses", "signal, 3.3 V"), ("ground", "ground")]
+                .into_iter()
+                .enumerate()
+        {
+            let y = y + ROW * row as u32;
+            self.text(BOARD_RIGHT - 12, y + 5, if row == 0 { 13 } else { 16 }, "end", 1, board);
+            self.text(ECU_LEFT + 12, y + 5, 16, "start", 1, receiver);
+        }
+        self.signal((ECU_LEFT, y), (BOARD_RIGHT, y));
+        self.wire((ECU_LEFT, y + ROW), (BOARD_RIGHT, y + ROW));
+        self.text(56, y + 2 * ROW + 28, 14, "start", 2, "which ones: docs/rc.md");
+        self.text(ECU_LEFT + 16, y + 2 * ROW + 5, 14, "start", 2, "supply: as its maker asks");
+        self.text(ECU_LEFT + 16, y + 2 * ROW + 28, 14, "start", 4, "off: no pulses, no preset values");
+        self.text(BOARD_RIGHT + 40, y + 2 * ROW, 15, "start", 4, "SBUS on an STM32F427: an inverter between");
     }
 
     /// TX, RX and ground from one x to another.
@@ -197,8 +222,13 @@ fn drawing(colours: Colours) -> String {
     svg.text(40, y - 66, 18, "start", 1, text);
     svg.valve(y);
 
+    let y = 990;
+    let text = "A receiver of radio control (docs/rc.md): SBUS and CRSF on a port without an engine, servo pulses on four inputs.";
+    svg.text(40, y - 66, 18, "start", 1, text);
+    svg.receiver(y);
+
     // Two columns, as the boards come.
-    let top = 970;
+    let top = 1204;
     let mut ends = [top; 2];
     svg.text(40, top - 20, 18, "start", 1, "The board's side: ECU ports by number, as in src/config.rs");
     for board in BOARDS {

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 pub const RELEASE: &str = "release";
 
 /// The images of `cargo emu-run`: that one, and the others by their features. A test of the emulator compares them.
-pub const IMAGES: [&str; 11] = [
+pub const IMAGES: [&str; 13] = [
     RELEASE,
     "demo",
     "all-ports",
@@ -19,8 +19,10 @@ pub const IMAGES: [&str; 11] = [
     "selftest",
     "radio-sbus",
     "radio-crsf",
+    "radio-pwm",
     "outputs",
     "usb",
+    "supply",
 ];
 
 /// The firmware's images on emulated boards.

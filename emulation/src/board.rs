@@ -64,6 +64,34 @@ pub struct Output {
     pub low_before: bool,
 }
 
+/// Inputs for servo pulses, on channels 1 to 4 of a timer.
+#[derive(Clone, Copy, Debug)]
+pub struct Inputs {
+    /// The timer.
+    pub timer: Timer,
+    /// Its pins (datasheet, "alternate functions").
+    pub pins: [Pin; 4],
+}
+
+/// A timer that catches pulses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[expect(missing_docs, reason = "ST's names")]
+pub enum Timer {
+    Tim1,
+    Tim4,
+}
+
+/// The supply in front of an analogue input of ADC1.
+#[derive(Clone, Copy, Debug)]
+pub struct Divider {
+    /// GPIO port and number of the pin.
+    pub pin: (char, u8),
+    /// Number of the converter's channel (datasheet, "pin definitions").
+    pub channel: u8,
+    /// Supply voltage to voltage at the pin.
+    pub ratio: u32,
+}
+
 /// An F-RAM on SPI2.
 #[derive(Clone, Copy, Debug)]
 pub struct FramBus {
@@ -137,6 +165,10 @@ pub struct Board {
     pub inverts: bool,
     /// Outputs for valves and power, by number.
     pub outputs: &'static [Output],
+    /// Inputs for servo pulses, if it has any.
+    pub inputs: Option<Inputs>,
+    /// Divider of the supply, if the firmware can read it.
+    pub divider: Option<Divider>,
     /// Memory of settings, where it is not in the part.
     pub fram: Option<FramBus>,
     /// The status LED.
@@ -225,6 +257,14 @@ const fn low_output(port: char, number: u8) -> Output {
 
 const MHZ: u64 = 1_000_000;
 
+/// Channels 1 to 4 of TIM4 of an H743.
+const TIM4: Inputs =
+    Inputs { timer: Timer::Tim4, pins: [pin('D', 12, 2), pin('D', 13, 2), pin('D', 14, 2), pin('D', 15, 2)] };
+
+/// Channels 1 to 4 of TIM1 of an F427.
+const TIM1: Inputs =
+    Inputs { timer: Timer::Tim1, pins: [pin('E', 9, 1), pin('E', 11, 1), pin('E', 13, 1), pin('E', 14, 1)] };
+
 /// What the boards with an H743 share, as the Matek has it.
 const H743: Board = Board {
     name: "matek-h743",
@@ -259,6 +299,9 @@ const H743: Board = Board {
         output('E', 5),
         output('E', 6),
     ],
+    inputs: Some(TIM4),
+    // ADC123_INP10
+    divider: Some(Divider { pin: ('C', 0), channel: 10, ratio: 11 }),
     fram: None,
     led: led('E', 3, false, false),
     held: &[('E', 9, false)], // RTS of SERIAL1
@@ -305,6 +348,8 @@ pub static PIXRACER: Board = Board {
         output('D', 13),
         output('D', 14),
     ],
+    inputs: Some(TIM1),
+    divider: None,
     fram: Some(FramBus {
         pins: [pin('B', 10, 5), pin('B', 14, 5), pin('B', 15, 5)],
         select: ('D', 10),
@@ -360,6 +405,8 @@ pub static PIXHAWK_6C: Board = Board {
         low_output('A', 0),
         low_output('A', 1),
     ],
+    inputs: None,
+    divider: None,
     // Its size is not known: 32 KiB or more are what ArduPilot stores.
     fram: Some(FramBus {
         pins: [pin('D', 3, 5), pin('C', 2, 5), pin('C', 3, 5)],
@@ -386,6 +433,8 @@ pub static CUBE_ORANGE: Board = Board {
     telemetry: own(port("SERIAL1", Uart::Usart2, 100 * MHZ, pin('D', 6, 7), pin('D', 5, 7))),
     radio: "SERIAL4",
     outputs: &[],
+    inputs: None,
+    divider: None,
     led: led('E', 12, false, true),
     // nVDD_5V_PERIPH_EN, VDD_3V3_SENSORS_EN, RTS of SERIAL1
     held: &[('A', 8, false), ('E', 3, false), ('D', 4, false)],
@@ -419,6 +468,7 @@ pub static NUCLEO_H743ZI2: Board = Board {
         output('E', 10),
         output('E', 15),
     ],
+    divider: None,
     led: led('B', 0, true, false),
     behind_bootloader: None,
     ..H743

@@ -1,6 +1,7 @@
 //! The emulated part with what is connected to its UARTs: rigless's bench of the part, our ECUs in place of its own
 //! far ends, and the watchdog that one part lacks.
 
+use core::ops::Range;
 use rigless::chip::Placed;
 use rigless::chip::uart::{Errors, TcpPeer};
 use rigless::device::{Device, ErasedDevice, Level, ResetCause};
@@ -14,8 +15,10 @@ use rigless::soc::stm32h743::peripherals as h743;
 use rigless::soc::{Bus, Width};
 use rigless::time::VirtualNanos;
 
-use crate::board::{Board, Part, Uart};
+use crate::board::{Board, Divider, Inputs, Part, Timer, Uart};
+use crate::cpu;
 use crate::fram::Fram;
+use crate::pulses::PulseReceiver;
 use crate::quirks::{DeadRegulator, Iwdg, Rtc, Stuck};
 use crate::wire::Wire;
 
@@ -105,9 +108,13 @@ pub struct Rig {
     /// The part.
     pub chip: Chip,
     kind: Part,
+    /// Flash and RAM.
+    memory: Vec<Range<u64>>,
     instructions_per_second: u64,
     /// UARTs with an ECU.
     wired: Vec<Uart>,
+    /// A receiver with servo pulses, and where its wires are.
+    pulses: Option<(PulseReceiver, Inputs)>,
     /// The crystal does not start.
     pub dead_crystal: bool,
 }
@@ -141,7 +148,16 @@ impl Rig {
             chip.iwdg_slot = Some(chip.bus().slot("IWDG").expect("the H743's description has a watchdog"));
             chip.rtc_slot = Some(chip.bus().slot("RTC").expect("the H743's description has a clock"));
         }
-        Self { chip, kind: board.part, instructions_per_second, wired: Vec::new(), dead_crystal: false }
+        let memory = vec![board.flash.clone(), board.ram.start..board.above.end];
+        Self {
+            chip,
+            kind: board.part,
+            memory,
+            instructions_per_second,
+            wired: Vec::new(),
+            pulses: None,
+            dead_crystal: false,
+        }
     }
 
     /// Connects a wire to a UART.
@@ -199,16 +215,79 @@ impl Rig {
         }
     }
 
+    /// Connects a receiver with servo pulses.
+    pub fn attach_pulses(&mut self, receiver: PulseReceiver, inputs: Inputs) {
+        self.pulses = Some((receiver, inputs));
+    }
+
+    /// The receiver with servo pulses, if there is one.
+    pub fn pulses(&mut self) -> Option<&mut PulseReceiver> {
+        self.pulses.as_mut().map(|(receiver, _)| receiver)
+    }
+
+    /// Puts a level on an input for servo pulses: on its pin, and on the timer's channel if the pin is given to it.
+    fn drive_input(&mut self, at: VirtualNanos, inputs: Inputs, channel: usize, high: bool) {
+        let (pin, level) = (inputs.pins[channel], Level::from(high));
+        let port = usize::from(pin.port as u8 - b'A');
+        macro_rules! drive_pin {
+            ($mcu:expr, $chip:ident) => {{
+                let number = $chip::gpio::Pin::new(pin.number).expect("a port has sixteen pins");
+                $mcu.drive_port(at, port, |gpio, registers, context| {
+                    gpio.drive(number, Some(level), registers, context);
+                    $chip::gpio::Gpio::function(number, registers) == Some(pin.function)
+                })
+            }};
+        }
+        let number = channel as u8 + 1;
+        match &mut self.chip.part {
+            Bench::H743(bench) => {
+                assert_eq!(inputs.timer, Timer::Tim4, "the timer of the boards with an H743");
+                if drive_pin!(bench.mcu, h743) {
+                    let channel = h743::tim::Channel::new(number).expect("a channel");
+                    // The third of its timers. rigless gives either the timer or its bus.
+                    let fresh = h743::tim::Tim::new(h743::tim::TIMERS[2]);
+                    let mut timer = std::mem::replace(&mut bench.mcu.tim[2], fresh);
+                    let slot = bench.mcu.bus().slot("TIM4").expect("the part has a TIM4");
+                    let (registers, mut context) = bench.mcu.bus_mut().drive(at, slot);
+                    timer.drive_input(channel, level, registers, &mut context);
+                    bench.mcu.tim[2] = timer;
+                }
+            }
+            Bench::F427(bench) => {
+                assert_eq!(inputs.timer, Timer::Tim1, "the timer of the boards with an F427");
+                if drive_pin!(bench.mcu, f427) {
+                    let channel = f427::tim::Channel::new(number).expect("a channel");
+                    bench.mcu.drive_advanced_timer(at, 0, |timer, registers, context| {
+                        timer.drive_input(channel, level, registers, context);
+                    });
+                }
+            }
+        }
+    }
+
+    /// The supply voltage in front of the board's divider, in mV.
+    pub fn battery(&mut self, divider: Divider, millivolts: u32) {
+        let Bench::H743(bench) = &mut self.chip.part else { panic!("only an H743 has a divider") };
+        let channel = h743::adc::Channel::new(divider.channel).expect("a channel");
+        bench.mcu.adc[0].set_input(channel, millivolts / divider.ratio);
+    }
+
     /// Advances the far ends to `now`.
     pub fn reached(&mut self, now: u64) {
         self.wires(|wire| wire.reached(now));
+        if let Some((receiver, inputs)) = &mut self.pulses {
+            let (levels, inputs) = (receiver.advance(now), *inputs);
+            for (channel, high) in levels {
+                self.drive_input(VirtualNanos(now), inputs, channel, high);
+            }
+        }
     }
 
     /// When a far end next has something to do, after `now`.
     pub fn next(&mut self, now: u64) -> Option<u64> {
         let mut next = None;
         self.wires(|wire| next = next.into_iter().chain(wire.next(now)).min());
-        next
+        next.into_iter().chain(self.pulses.as_ref().map(|(receiver, _)| receiver.next())).min()
     }
 
     /// Cuts a wire, or mends it.
@@ -285,6 +364,7 @@ impl machine::Board for Rig {
     fn targets(&mut self) -> Vec<Target<'_>> {
         let mut core = each!(&mut self.chip.part, b => machine::Board::targets(&mut **b).remove(0).core);
         core.instructions_per_second = self.instructions_per_second.try_into().expect("not zero");
+        core.processor = cpu::with_regions(core.processor, self.memory.clone());
         vec![Target::new("mcu", &mut self.chip, core)]
     }
 }

@@ -25,15 +25,19 @@ pub enum Image {
     RadioSbus,
     /// With a CRSF receiver (feature `radio-crsf`).
     RadioCrsf,
+    /// With servo pulses on the board's inputs for them (feature `radio-pwm`).
+    RadioPwm,
     /// With an SBUS receiver and outputs for valves and power (feature `outputs`).
     Outputs,
     /// With MAVLink on USB (feature `usb`).
     Usb,
+    /// With the supply voltage by the board's divider (feature `supply`).
+    Supply,
 }
 
 impl Image {
     /// All of them.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 13] = [
         Self::Release,
         Self::Demo,
         Self::AllPorts,
@@ -43,8 +47,10 @@ impl Image {
         Self::SelfTest,
         Self::RadioSbus,
         Self::RadioCrsf,
+        Self::RadioPwm,
         Self::Outputs,
         Self::Usb,
+        Self::Supply,
     ];
 
     /// The feature that makes it, besides the board's.
@@ -59,8 +65,10 @@ impl Image {
             Self::SelfTest => Some("selftest"),
             Self::RadioSbus => Some("radio-sbus"),
             Self::RadioCrsf => Some("radio-crsf"),
+            Self::RadioPwm => Some("radio-pwm"),
             Self::Outputs => Some("outputs"),
             Self::Usb => Some("usb"),
+            Self::Supply => Some("supply"),
         }
     }
 
@@ -72,6 +80,7 @@ impl Image {
             Self::Release => true,
             Self::Ardupilot => has_bootloader,
             Self::PlayEcu => board.name == NUCLEO_H743ZI2.name,
+            Self::Supply => board.divider.is_some(),
             _ => every,
         })
     }

@@ -26,6 +26,7 @@
 //! - [`audit`]: what is checked at every run.
 //! - [`fram`]: the memory of settings of the boards that have one.
 //! - [`receiver`]: a receiver of radio control, in place of an ECU.
+//! - [`pulses`]: one with servo pulses, on the board's inputs for them.
 //! - [`recording`]: what is sent in four named runs, to compare two states of the firmware.
 //! - [`turnaround`]: how long a reply takes.
 //! - `wire`, `chip`, `quirks`, `log`: the far end of a UART, the emulated part, what the emulator needs help
@@ -37,11 +38,13 @@ pub mod audit;
 pub mod board;
 pub mod bootloader;
 mod chip;
+mod cpu;
 pub mod engines;
 pub mod fram;
 pub mod image;
 mod log;
 pub mod pins;
+pub mod pulses;
 mod quirks;
 pub mod receiver;
 pub mod recording;
@@ -55,6 +58,7 @@ pub use bootloader::{Bootloader, Jump, Leftover};
 pub use fram::Fram;
 pub use image::Image;
 pub use log::Log;
+pub use pulses::PulseReceiver;
 pub use quirks::Stuck;
 pub use receiver::Receiver;
 pub use report::{Report, Tap, Written};

@@ -20,6 +20,7 @@ use crate::chip::Rig;
 use crate::fram::Fram;
 use crate::image::Image;
 use crate::log;
+use crate::pulses::PulseReceiver;
 use crate::quirks::{BackupDomain, DeadEnable, Stuck, TimerFlags};
 use crate::receiver::Receiver;
 use crate::report::{Report, Tap, Written};
@@ -39,6 +40,7 @@ pub struct Run {
     wires: BTreeMap<&'static str, Wire>,
     tcp: Option<(&'static str, TcpPeer)>,
     fram: Option<Fram>,
+    pulses: Option<PulseReceiver>,
     acts: Vec<(Nanos, Act)>,
     taps: Vec<&'static str>,
     registers: Vec<u64>,
@@ -62,6 +64,7 @@ impl Run {
             wires: BTreeMap::new(),
             tcp: None,
             fram: board.fram.map(|fram| (fram.chip)()),
+            pulses: None,
             acts: Vec::new(),
             taps: Vec::new(),
             registers: Vec::new(),
@@ -102,6 +105,12 @@ impl Run {
     pub fn radio(self, receiver: Receiver) -> Self {
         let (port, line) = (self.board.radio, receiver.line());
         self.ecu(port, line, receiver)
+    }
+
+    /// This receiver of radio control on the board's inputs for servo pulses.
+    pub fn pulses(mut self, receiver: PulseReceiver) -> Self {
+        self.pulses = Some(receiver);
+        self
     }
 
     /// This ECU on this port, in place of any other.
@@ -275,6 +284,9 @@ impl Run {
         if let Some(bus) = board.fram {
             rig.attach_fram(bus.select, self.fram.take());
         }
+        if let Some(receiver) = self.pulses.take() {
+            rig.attach_pulses(receiver, board.inputs.expect("a board with inputs for servo pulses"));
+        }
         if self.slow_watchdog {
             rig.slow_watchdog();
         }
@@ -377,6 +389,17 @@ impl Bench<'_> {
     /// The receiver of radio control.
     pub fn radio(&mut self) -> &mut Receiver {
         self.ecu(self.board.radio)
+    }
+
+    /// The receiver of radio control with servo pulses.
+    pub fn pulses(&mut self) -> &mut PulseReceiver {
+        self.session.board_mut().pulses().expect("a receiver with servo pulses")
+    }
+
+    /// Sets the voltage in front of the board's divider, in mV.
+    pub fn battery(&mut self, millivolts: u32) {
+        let divider = self.board.divider.expect("a board with a divider");
+        self.session.board_mut().battery(divider, millivolts);
     }
 
     /// Cuts the wire of a port, both ways, or mends it.

@@ -73,6 +73,13 @@ fn script_with_a_transmitter_starts_throttles_loses_and_stops() {
         let output = rig(&["--script", script.to_str().unwrap(), "--fast", "--csv", rows.to_str().unwrap()]);
         let (out, rows) = (text(&output.stdout), std::fs::read_to_string(rows).expect("written"));
         assert!(output.status.success(), "{out}{}", text(&output.stderr));
+        // The summary has what was received; only SBUS has frames that say that the transmitter is off.
+        let line = out.lines().find_map(|line| line.strip_prefix("  radio control: ")).expect("its line");
+        let (good, rest) = line.split_once(" good, ").expect("good frames");
+        let good: u32 = good.parse().expect("a number");
+        assert!(good > 7000, "{kind}: {line}");
+        assert_eq!(rest.starts_with("0 of them without a link"), !kind.starts_with("sbus"), "{kind}: {line}");
+        assert!(rest.ends_with("0 lost; 0 damaged, 0 implausible"), "{kind}: {line}");
         for engine in ["left", "right"] {
             let at = |seconds| at(&rows, engine, seconds);
             let is = |seconds: f64, column: usize, expected: &str| {

@@ -480,7 +480,7 @@ fn a_hot_start_is_reported_and_not_repeated() {
         "ECU reports starting",
         "limit violated: exhaust temperature rises too fast: ",
         "limit violated: exhaust too hot: 84",
-        "in doubt whether the engine runs: the demand is withheld",
+        "in doubt whether the engine runs: the demand may be withheld",
         "ECU reports a fault: egt-high",
         "run cancelled: the ECU reports no running engine",
         "command from bench rejected: command standby before a start",

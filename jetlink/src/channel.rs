@@ -174,7 +174,7 @@ impl Channel {
     }
 }
 
-/// Telemetry and events of one engine, for whoever listens: it commands and changes nothing. Copies may be used in several tasks.
+/// Telemetry and events of one engine, for code that only listens: it can neither command nor change anything. Copies may be used in several tasks.
 ///
 /// ```compile_fail
 /// # use jetlink::{channel::Channel, command::Origin, config::EngineConfig, ecu::zk::codec::Rate, line::Line};
@@ -190,7 +190,7 @@ pub struct Handle<'a> {
 }
 
 /// Everything that may be done with one engine. It stays with the code that builds the node, which gives a [`Source`] to
-/// whoever commands, a [`Setup`] to whoever sets it up, and a [`Handle`] to whoever listens.
+/// code that commands, a [`Setup`] to code that changes settings, and a [`Handle`] to code that only listens.
 #[derive(Clone, Copy, Debug)]
 pub struct Owner<'a> {
     handle: Handle<'a>,

@@ -45,7 +45,7 @@ macro_rules! open_enum {
         crate::sentence::sentences!($name {
             $( Self::$variant => $text; )+
         } {
-            Self::Unknown(code) => "unknown code {}", code;
+            Self::Unknown(code) => "unknown code {}", u32::from(code);
         });
     };
 }

@@ -217,7 +217,7 @@ pub enum Interlock {
 
 sentences!(Demand {
 } {
-    Self::Throttle(throttle) => "throttle {}.{} %", throttle.tenths() / 10, throttle.tenths() % 10;
+    Self::Throttle(throttle) => "throttle {}.{} %", u32::from(throttle.tenths()) / 10, u32::from(throttle.tenths()) % 10;
     Self::Rpm(rpm) => "{} rpm", rpm.get();
 });
 
@@ -264,7 +264,7 @@ sentences!(Order {
     Self::Listen => "no order";
 } {
     Self::Run(demand) => "run, {}", demand;
-    Self::Doubt(demand) => "run withheld, {}", demand;
+    Self::Doubt(demand) => "run in doubt, {}", demand;
 });
 
 sentences!(Interlock {
@@ -277,7 +277,7 @@ sentences!(Interlock {
     Self::PumpOpen => "the fuel pump is open and is being closed: command standby again";
     Self::OtherStarting => "wait until another engine of the group has started";
 } {
-    Self::TooHot(egt) => "the exhaust is at {} °C: let it cool in standby", egt.tenths() / 10;
+    Self::TooHot(egt) => "the exhaust is at {} °C: let it cool in standby", i32::from(egt.tenths()) / 10;
     Self::SupplyLow(supply) => "the supply has only {} mV: charge the battery", supply.get();
     Self::Limit(kind) => "a limit is violated: {}", kind;
 });
@@ -300,8 +300,8 @@ sentences!(Rejected {
     Self::NotYours(origin) => "the emergency stop came from {}: that source or a higher one has to release it", origin;
     Self::Start(interlock) => "{}", interlock;
     Self::Behind(active) => "{} is in control: try again when it has fallen silent", active;
-    Self::NeedsVersion { needed, known: Some(known) } => "this needs protocol version {}, the ECU has version {}", needed, known;
-    Self::NeedsVersion { needed, known: None } => "this needs protocol version {}, the ECU has not reported its version yet", needed;
+    Self::NeedsVersion { needed, known: Some(known) } => "this needs protocol version {}, the ECU has version {}", u32::from(needed), u32::from(known);
+    Self::NeedsVersion { needed, known: None } => "this needs protocol version {}, the ECU has not reported its version yet", u32::from(needed);
     Self::AboveMaxRpm { max } => "the maximum of this engine is {} rpm: command less", max.get();
 });
 

@@ -3,6 +3,7 @@
 //! [`check`] checks it at compile time: a status rate that the line cannot carry, two engines on one port, a baud rate that
 //! no document lists or a reply that cannot fit its window do not build.
 
+use crate::checksum::Checksum;
 use crate::ecu::amt::{self, codec::EngineModel};
 use crate::ecu::zk::{self, codec::Rate};
 use crate::ecu::{EcuConfig, Mistake};
@@ -53,11 +54,8 @@ impl EngineConfig {
     /// Identifies protocol, port and engine for the retained state: that of another engine is discarded. Settings do not
     /// change it, because a changed setting must not cost a running engine.
     pub fn fingerprint(&self) -> u32 {
-        let mut digest = FINGERPRINT.digest();
         let [protocol, engine] = self.ecu.identity();
-        digest.update(&[protocol, engine, self.port]);
-        digest.update(self.name.as_bytes());
-        digest.finalize()
+        Checksum::new().bytes(&[protocol, engine, self.port]).bytes(self.name.as_bytes()).value()
     }
 }
 
@@ -145,8 +143,6 @@ sentences!(LinkSettingsError {
 });
 
 impl core::error::Error for LinkSettingsError {}
-
-const FINGERPRINT: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 
 /// Mistake in a table of engines, with its row (from 0).
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

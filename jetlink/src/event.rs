@@ -62,7 +62,8 @@ pub enum Event {
     Resumed(Demand),
     /// The life of the engine that was ordered to run is over: the run is cancelled, and standby is sent.
     RunCancelled(End),
-    /// Whether the engine still runs is in doubt: the demand is withheld until the ECU has reported it running twice.
+    /// Whether the engine still runs is in doubt: until the ECU has reported it running twice, the demand is withheld, but for
+    /// replies to an AMT ECU whose exhaust or shaft shows a running engine.
     LifeInDoubt,
     /// The ECU confirmed that the engine runs: the demand is sent.
     LifeConfirmed,
@@ -136,13 +137,13 @@ sentences!(Event {
     Self::ObeyedAgain => "ECU obeys the order again";
     Self::SourceLoss(LossStage::None) => "source received again";
     Self::OtherFailed(0) => "no other engine counts as failed any more";
-    Self::LifeInDoubt => "in doubt whether the engine runs: the demand is withheld";
+    Self::LifeInDoubt => "in doubt whether the engine runs: the demand may be withheld";
     Self::LifeConfirmed => "engine confirmed to run: the demand is sent";
     Self::TransmitterFailed => "transmitter failed: nothing was sent for 1 s";
     Self::TransmitterWorks => "transmitter works again";
 } {
     Self::EngineIdentified(engine) => "ECU identified the engine as {}", engine.name();
-    Self::VersionKnown(version) => "ECU reports protocol version {}", version.get();
+    Self::VersionKnown(version) => "ECU reports protocol version {}", u32::from(version.get());
     Self::Phase(phase) => "ECU reports {}", phase;
     Self::Faults(faults) => "ECU reports a fault: {}", faults;
     Self::RateConfirmed(rate) => "ECU confirmed the status rate, {} Hz", rate.hz();
@@ -158,7 +159,7 @@ sentences!(Event {
     Self::SourceLoss(stage) => "source lost: {}", stage;
     Self::ActiveSource(origin) => "{} in control", origin;
     Self::Limit(violation) => "limit violated: {}", violation;
-    Self::OtherFailed(count) => "number of other engines that failed: {}", count;
+    Self::OtherFailed(count) => "number of other engines that failed: {}", u32::from(count);
     Self::Resumed(demand) => "resumed after a reset, {}", demand;
     Self::RunCancelled(end) => "run cancelled: {}", end;
     Self::Clamped(max) => "demand clamped to the maximum, {} rpm", max.get();

@@ -62,7 +62,7 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | [`units`], [`mod@line`], [`setting`] | quantities; the serial line; a row of the table of settings |
+//! | [`units`], [`mod@line`], [`setting`], [`checksum`] | quantities; the serial line; a row of the table of settings; of what survives a reset |
 //! | [`ecu::amt::codec`], [`ecu::zk::codec`] | bytes and typed frames of one protocol; scale and offset |
 //! | [`ecu::amt::config`], [`ecu::zk::config`], [`ecu`] | settings and services of each ECU, and their common types |
 //! | [`limit`], [`command`], [`report`], [`event`] | commands, reports of an ECU, events |
@@ -88,6 +88,7 @@ mod mistake;
 mod sentence;
 
 pub mod channel;
+pub mod checksum;
 pub mod command;
 pub mod config;
 pub mod ecu;

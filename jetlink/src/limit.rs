@@ -74,6 +74,7 @@ pub struct LimitViolation {
 }
 
 impl LimitViolation {
+    #[inline(never)]
     pub(crate) fn new(kind: LimitKind, value: u32, limit: u32, at: Instant) -> Self {
         let signed = |value| i32::try_from(value).unwrap_or(i32::MAX);
         Self { kind, value: signed(value), limit: signed(limit), at }

@@ -232,6 +232,40 @@ pub struct ServiceFrames {
     pub pump_is_open: bool,
 }
 
+/// How many bytes ago the UART last reported a line error: what a frame says in which it reported one does not count.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Damage {
+    /// In the bytes of the next read, or in those that are left of this one. The UART does not report in which.
+    in_read: bool,
+    /// Bytes since then.
+    intact: u8,
+}
+
+impl Damage {
+    /// It is in the bytes that are received next.
+    pub const fn line_error(&mut self) {
+        self.in_read = true;
+    }
+
+    /// All bytes before it have been received.
+    pub const fn byte_lost(&mut self) {
+        self.intact = 0;
+    }
+
+    /// Counts the bytes that were taken of those that are left of a read. Not inlined: both links have it.
+    #[inline(never)]
+    pub fn received(&mut self, taken: usize, left: usize) {
+        self.intact =
+            if self.in_read { 0 } else { self.intact.saturating_add(u8::try_from(taken).unwrap_or(u8::MAX)) };
+        self.in_read &= taken < left;
+    }
+
+    /// Whether one of the last bytes may be damaged.
+    pub const fn reaches_back(self, bytes: usize) -> bool {
+        (self.intact as usize) < bytes
+    }
+}
+
 /// Settings of a protocol, with its link.
 pub trait Speaks: Copy {
     /// The protocol's link.
@@ -430,6 +464,7 @@ impl Outbox {
     }
 
     /// Queues an event, or counts it as dropped if the queue is full.
+    #[inline(never)]
     pub fn event(&mut self, event: Event) {
         if self.events.push_back(event).is_err() {
             bump(&mut self.events_dropped);

@@ -47,7 +47,8 @@ pub struct Telemetry {
     pub loss: LossStage,
     /// A limit has lowered the demand to the fail-safe throttle, where it stays until standby is commanded.
     pub limited: bool,
-    /// Time since which it has been in doubt whether the engine still runs: the demand is withheld.
+    /// Time since which it has been in doubt whether the engine still runs: the demand is withheld, but for replies to an AMT ECU
+    /// whose exhaust or shaft shows a running engine.
     pub in_doubt: Option<Instant>,
     /// End of the wait of a start for another engine of the group.
     pub start_waits_until: Option<Instant>,
@@ -72,7 +73,13 @@ pub struct Telemetry {
 impl Telemetry {
     /// A value, if it was received within the last 3 s: an older one does not describe the engine any more.
     pub fn current<T: Copy>(&self, value: Option<Timed<T>>) -> Option<T> {
-        value.filter(|value| value.age(self.at) <= CURRENT).map(|value| value.value)
+        value.filter(|value| self.is_current(value.at)).map(|value| value.value)
+    }
+
+    /// Not inlined: it would be in an image some 30 times.
+    #[inline(never)]
+    fn is_current(&self, at: Instant) -> bool {
+        self.at.saturating_duration_since(at) <= CURRENT
     }
 
     /// Whether a current shaft speed is 1000 rpm or above; `None` without one.

@@ -120,6 +120,7 @@ impl Situation<'_> {
 }
 
 impl<'a> Engine<'a> {
+    #[inline(never)]
     pub fn new(parts: EngineParts<'a>) -> Self {
         let EngineParts { source, setup, config, settings } = parts;
         let events = source.handle().events();

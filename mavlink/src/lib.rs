@@ -45,7 +45,6 @@ pub mod report;
 mod request;
 #[cfg(feature = "signing")]
 pub mod retained;
-#[cfg(feature = "signing")]
 pub mod retained_settings;
 pub mod runner;
 mod sent;

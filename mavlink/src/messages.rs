@@ -127,7 +127,7 @@ impl MessageData for COMMAND_ACK_DATA {
         }
     }
 }
-///Cancels a command that goes on.
+///Cancels a command in progress.
 ///
 ///ID: 80
 #[derive(Debug, Clone, PartialEq)]
@@ -1889,7 +1889,7 @@ pub enum MavMessage {
     ///
     ///ID: 77
     COMMAND_ACK(COMMAND_ACK_DATA),
-    ///Cancels a command that goes on.
+    ///Cancels a command in progress.
     ///
     ///ID: 80
     COMMAND_CANCEL(COMMAND_CANCEL_DATA),

@@ -146,6 +146,7 @@ pub(crate) struct Port<const N: usize> {
 }
 
 impl<const N: usize> Port<N> {
+    #[inline(never)]
     pub fn new(now: Instant, config: PortConfig, engines: usize) -> Self {
         let mut streams = Vec::new();
         for engine in 0..engines.min(N) {

@@ -5,19 +5,17 @@ use crate::settings::{EngineSettings, NodeSettings, Table, find_row};
 #[cfg(feature = "signing")]
 use crate::signing::{Key, SigningState, Stamp};
 use crate::store::RECORD;
-use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use heapless::Vec;
+use jetlink::checksum::Checksum;
 use jetlink::config::EngineConfig;
 use jetlink::setting::Row;
 
 /// A record.
 pub type Record = Vec<u8, RECORD>;
 
-const NAME: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
-
 /// Digest of a name. It differs for all names of a component, which a test checks.
 pub(crate) fn hash(name: &str) -> u16 {
-    NAME.checksum(name.as_bytes()) as u16
+    Checksum::new().bytes(name.as_bytes()).value() as u16
 }
 
 /// What a record is of, in its first byte.
@@ -98,36 +96,24 @@ fn read(kind: u8, record: &[u8], table: Table<'_>) -> impl Iterator<Item = (&'st
     })
 }
 
-/// The record of the node.
-pub(crate) fn of_node(settings: &NodeSettings) -> Record {
-    write(NODE, Table::Node, &|name| settings.number(name))
-}
-
-/// The record of an engine.
-pub(crate) fn of_engine(config: &EngineConfig, settings: &EngineSettings) -> Record {
-    write(kind(config), Table::Engine(config), &|name| config.number(name).or_else(|| settings.own(name)))
-}
-
-/// The record of what differs from the defaults of the node.
-#[cfg(feature = "signing")]
-pub(crate) fn changes_of_node(settings: &NodeSettings) -> Record {
+/// The record of the node; of `changes`, what differs from its defaults.
+pub(crate) fn of_node(settings: &NodeSettings, changes: bool) -> Record {
     write(NODE, Table::Node, &|name| {
         let value = settings.number(name);
-        value.filter(|_| NodeSettings::DEFAULT.number(name) != value)
+        value.filter(|_| !changes || NodeSettings::DEFAULT.number(name) != value)
     })
 }
 
-/// The record of what differs from another configuration of an engine, and from the defaults of MAVLink.
-#[cfg(feature = "signing")]
-pub(crate) fn changes_of_engine(
+/// The record of an engine; with a default, what differs from it and from the defaults of MAVLink.
+pub(crate) fn of_engine(
     config: &EngineConfig,
     settings: &EngineSettings,
-    default: &EngineConfig,
+    default: Option<&EngineConfig>,
 ) -> Record {
     write(kind(config), Table::Engine(config), &|name| {
         let of = |config: &EngineConfig, own: &EngineSettings| config.number(name).or_else(|| own.own(name));
         let value = of(config, settings);
-        value.filter(|_| of(default, &EngineSettings::DEFAULT) != value)
+        value.filter(|_| default.is_none_or(|default| of(default, &EngineSettings::DEFAULT) != value))
     })
 }
 

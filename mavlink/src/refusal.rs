@@ -89,6 +89,7 @@ impl core::fmt::Display for Refusal {
         match self {
             Self::Engine(why) => why.fmt(f),
             Self::NotAllowed(system) => {
+                let system = u32::from(*system);
                 write!(f, "system {system} may not command here: see MAV_GCS_1, MAV_GCS_2, MAV_OWN_CMD")
             }
             Self::Malformed(what) => f.write_str(what),

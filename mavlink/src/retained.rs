@@ -5,9 +5,7 @@
 
 use crate::signing::{Key, SigningState, Stamp};
 use core::sync::atomic::{AtomicU32, Ordering};
-use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
-
-const CHECKSUM: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
+use jetlink::checksum::Checksum;
 
 /// Number, key, stamp, checksum.
 const WORDS: usize = 1 + KEY + 2 + 1;
@@ -103,10 +101,7 @@ fn read(words: [u32; WORDS]) -> Option<(u32, SigningState)> {
 }
 
 fn checksum(words: &[u32]) -> u32 {
-    let mut digest = CHECKSUM.digest();
-    digest.update(LAYOUT);
-    words.iter().for_each(|word| digest.update(&word.to_le_bytes()));
-    digest.finalize()
+    Checksum::new().bytes(LAYOUT).words(words).value()
 }
 
 #[cfg(test)]

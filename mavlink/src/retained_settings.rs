@@ -3,22 +3,21 @@
 use crate::record::{Record, of_engine, of_node};
 use crate::settings::{EngineSettings, NodeSettings};
 use core::sync::atomic::{AtomicU8, Ordering};
-use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use heapless::Vec;
+use jetlink::checksum::Checksum;
 use jetlink::config::EngineConfig;
 
-const CHECKSUM: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 /// The checksum is in front.
 const HEAD: usize = 4;
 
 /// What the settings of an image are without a change, as a number: in another image the changes are other ones.
+#[inline(never)]
 pub fn fingerprint(engines: &[EngineConfig]) -> u32 {
-    let mut digest = CHECKSUM.digest();
-    digest.update(&of_node(&NodeSettings::DEFAULT));
-    for engine in engines {
-        digest.update(&of_engine(engine, &EngineSettings::DEFAULT));
-    }
-    digest.finalize()
+    let node = Checksum::new().bytes(&of_node(&NodeSettings::DEFAULT, false));
+    engines
+        .iter()
+        .fold(node, |sum, engine| sum.bytes(&of_engine(engine, &EngineSettings::DEFAULT, None)))
+        .value()
 }
 
 /// The memory: checksum, then each record behind its key and its length. Every content is valid, so that start-up need not initialise it;
@@ -56,9 +55,9 @@ impl<const BYTES: usize> SettingsMemory<BYTES> {
         let sum = checksum(fingerprint, &content);
         let sum = if fits { sum } else { !sum };
         content.iter_mut().zip(sum.to_le_bytes()).for_each(|(to, byte)| *to = byte);
-        // The first byte once more, behind the last: an STM32H7 loses the last 64 bits that were written (AN5342).
-        for (slot, byte) in self.bytes.iter().zip(&content).cycle().take(BYTES + 1) {
-            slot.store(*byte, Ordering::SeqCst);
+        // Twice: an STM32H7 loses the last 64 bits that were written (AN5342).
+        for _ in 0..2 {
+            self.bytes.iter().zip(&content).for_each(|(slot, byte)| slot.store(*byte, Ordering::SeqCst));
         }
     }
 
@@ -86,16 +85,13 @@ impl<const BYTES: usize> SettingsMemory<BYTES> {
 }
 
 fn checksum(fingerprint: u32, content: &[u8]) -> u32 {
-    let mut digest = CHECKSUM.digest();
-    digest.update(&fingerprint.to_le_bytes());
-    digest.update(content.get(HEAD..).unwrap_or_default());
-    digest.finalize()
+    Checksum::new().words(&[fingerprint]).bytes(content.get(HEAD..).unwrap_or_default()).value()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::{apply_to_engine, apply_to_node, changes_of_engine, changes_of_node};
+    use crate::record::{apply_to_engine, apply_to_node};
     use jetlink::ecu::zk::codec::Rate;
     use jetlink::line::Line;
 
@@ -116,9 +112,9 @@ mod tests {
     fn store<const BYTES: usize>(memory: &SettingsMemory<BYTES>, output: u8) {
         let (node, config, own) = changed(output);
         let records = [
-            (0, changes_of_node(&node)),
-            (1, changes_of_engine(&ENGINES[0], &EngineSettings::DEFAULT, &ENGINES[0])),
-            (2, changes_of_engine(&config, &own, &ENGINES[1])),
+            (0, of_node(&node, true)),
+            (1, of_engine(&ENGINES[0], &EngineSettings::DEFAULT, Some(&ENGINES[0]))),
+            (2, of_engine(&config, &own, Some(&ENGINES[1]))),
         ];
         // Nothing but what differs, behind the kind.
         assert_eq!(records.each_ref().map(|(_, record)| record.len()), [1 + 2 * 6, 1, 1 + 3 * 6]);
@@ -161,7 +157,7 @@ mod tests {
         assert_eq!((found(&just, &ENGINES), found(&less, &ENGINES)), (Some(changed(9)), None));
         let memory = SettingsMemory::<64>::new();
         store(&memory, 9);
-        let whole = crate::record::of_engine(&ENGINES[0], &EngineSettings::DEFAULT);
+        let whole = of_engine(&ENGINES[0], &EngineSettings::DEFAULT, None);
         memory.store(fingerprint(&ENGINES), [(1, whole)].into_iter());
         assert_eq!(found(&memory, &ENGINES), None, "those of before do not count any more");
     }

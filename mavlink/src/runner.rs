@@ -169,20 +169,24 @@ impl<'a, const N: usize, const P: usize, A: Attached> Runner<'a, N, P, A> {
             }
         };
         let save = async {
-            // There is one save here, as its state is large. After a format all records are saved, these yet.
-            let mut places = 0..0;
-            let mut format = false;
-            // Whether the service waits for the result of the whole.
+            // There is one save here, as its state is large. Saves that are left where all records are written anew: of each, the first one
+            // last, and once more, which erases what was there before.
+            let mut left = 0_usize;
+            let mut anew = false;
+            // Whether a setting waits for the result of the whole.
             let mut requested = false;
             loop {
-                format |= self.service.borrow_mut().take_anew();
-                let all = core::mem::take(&mut format);
-                let place = if all { None } else { places.next() };
-                let result = if all {
-                    let result = store.format().await.map_err(|_| NotSaved::Failed);
-                    places = 0..if result.is_ok() { self.service.borrow().places() } else { 0 };
-                    result
+                anew |= self.service.borrow_mut().take_anew();
+                let begins = core::mem::take(&mut anew);
+                let place =
+                    if begins { None } else { left.checked_sub(1).map(|last| last.saturating_sub(1)) };
+                let result = if begins {
+                    left = self.service.borrow().places() + 2;
+                    store.begin_anew().await.map_err(|_| NotSaved::Failed)
                 } else {
+                    if left == 2 {
+                        store.end_anew();
+                    }
                     let next = match place {
                         Some(place) => self.service.borrow().record(place),
                         None => self.service.borrow_mut().next_save(),
@@ -196,19 +200,21 @@ impl<'a, const N: usize, const P: usize, A: Attached> Runner<'a, N, P, A> {
                         }
                     }
                 };
-                if place.is_none() && !all {
+                if place.is_none() && !begins {
                     requested = true;
                     if result == Err(NotSaved::Failed) {
-                        format = true;
+                        anew = true;
                         continue;
                     }
                 }
-                if result.is_err() {
-                    places = 0..0;
-                }
-                // No answer waits for it: a failure is found again at the next start.
-                if places.is_empty() && core::mem::take(&mut requested) {
-                    self.service.borrow_mut().saved(Instant::now(), result);
+                left = if result.is_ok() { left.saturating_sub(1) } else { 0 };
+                if left == 0 {
+                    let mut service = self.service.borrow_mut();
+                    if core::mem::take(&mut requested) {
+                        service.saved(Instant::now(), result);
+                    }
+                    #[cfg(feature = "signing")]
+                    service.stored_anew(Instant::now(), result);
                     self.arrived.signal(());
                 }
             }

@@ -18,12 +18,12 @@
 use core::cmp::Ordering;
 use core::fmt::Debug;
 use core::sync::atomic::{self, AtomicBool};
-use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 use heapless::Vec;
+use jetlink::checksum::Checksum;
 use sequential_storage::cache::{Cache, Uncached};
 use sequential_storage::map::{MapConfig, MapStorage};
 
@@ -35,13 +35,12 @@ pub const KEYS: usize = 9;
 const HEAD: usize = 8;
 /// With the key, and rounded up to the largest word of a flash memory.
 const BUFFER: usize = (1 + HEAD + RECORD).next_multiple_of(32);
+/// The mark in front, its head, and the first record: the most that a power cut leaves where nothing has been stored.
+const FIRST: u32 = (2 * WORD + BUFFER) as u32;
 /// Reads until others have their turn.
 const TURN: u8 = 32;
 /// Largest word.
 const WORD: usize = 32;
-
-/// Slow and small.
-const DIGEST: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
 /// Whether all engines are known to be at rest.
 #[derive(Debug, Default)]
@@ -96,6 +95,8 @@ pub trait Flash: NorFlash + Debug {}
 struct Guard<'a, F> {
     flash: F,
     at_rest: &'a AtRest,
+    /// The sectors have each other's numbers.
+    swapped: bool,
     /// The other sector reads as empty.
     only: Option<u32>,
     /// Reads since others had their turn.
@@ -109,6 +110,14 @@ struct GuardError;
 impl NorFlashError for GuardError {
     fn kind(&self) -> NorFlashErrorKind {
         NorFlashErrorKind::Other
+    }
+}
+
+impl<F: Flash> Guard<'_, F> {
+    /// Where something is in the memory.
+    const fn place(&self, at: u32) -> u32 {
+        const { assert!(F::ERASE_SIZE.is_power_of_two()) };
+        if self.swapped { at ^ F::ERASE_SIZE as u32 } else { at }
     }
 }
 
@@ -128,7 +137,7 @@ impl<F: Flash> ReadNorFlash for Guard<'_, F> {
         }
         if self.only.is_some_and(|only| at / Self::ERASE_SIZE as u32 != only) {
             bytes.fill(0xFF);
-        } else if self.flash.read(at, bytes).await.is_err() {
+        } else if self.flash.read(self.place(at), bytes).await.is_err() {
             bytes.fill(0);
         }
         Ok(())
@@ -147,7 +156,10 @@ impl<F: Flash> NorFlash for Guard<'_, F> {
         if !self.at_rest.get() {
             return Err(GuardError);
         }
-        self.flash.erase(from, to).await.map_err(|_| GuardError)
+        // One sector at a time.
+        let length = to - from;
+        let from = self.place(from);
+        self.flash.erase(from, from + length).await.map_err(|_| GuardError)
     }
 
     async fn write(&mut self, at: u32, bytes: &[u8]) -> Result<(), GuardError> {
@@ -160,7 +172,7 @@ impl<F: Flash> NorFlash for Guard<'_, F> {
             if found.iter().any(|&byte| byte != 0xFF) {
                 return Err(GuardError);
             }
-            self.flash.write(address, word).await.map_err(|_| GuardError)?;
+            self.flash.write(self.place(address), word).await.map_err(|_| GuardError)?;
             self.read(address, found).await?;
             if found != word {
                 return Err(GuardError);
@@ -189,6 +201,10 @@ pub struct Store<'a, F: Flash, const KEYS: usize = { self::KEYS }> {
     map: Map<'a, F>,
     at_rest: &'a AtRest,
     newest: Vec<Newest, KEYS>,
+    /// The last sequence number.
+    sequence: u32,
+    /// All records are being written anew, and this is not the last one yet.
+    anew: bool,
     /// The sector that has all newest records.
     sector: u32,
     /// What is empty; `None` until it is needed, as to look at all of a slow memory delays a start.
@@ -216,9 +232,10 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
 
     /// Reads the memory; `each` gets the newest record of each key. Nothing is written or erased.
     pub async fn load(flash: F, at_rest: &'a AtRest, each: &mut dyn FnMut(u8, &[u8])) -> (Self, Found) {
-        let guard = Guard { flash, at_rest, only: None, reads: 0 };
+        let guard = Guard { flash, at_rest, swapped: false, only: None, reads: 0 };
         let map = MapStorage::new(guard, Self::CONFIG, Cache::new_uncached());
-        let mut store = Self { map, at_rest, newest: Vec::new(), sector: 0, space: None };
+        let mut store =
+            Self { map, at_rest, newest: Vec::new(), sequence: 0, anew: false, sector: 0, space: None };
         let found = store.survey().await;
         let newest = store.newest.clone();
         if newest.is_empty() {
@@ -264,14 +281,28 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         };
         self.sector = second_is_it.into();
         self.space = None;
+        self.anew = false;
         let newest = if second_is_it { second } else { first };
-        let found = match newest.is_empty() {
-            true => Found::Empty,
-            false if whole(newest) => Found::Whole,
-            false => Found::Damaged,
-        };
+        self.sequence = last(newest).unwrap_or(0);
+        let whole = whole(newest);
         self.newest = newest.clone();
-        found
+        if whole {
+            return Found::Whole;
+        }
+        // Nothing may be readable of what is ours: a sector begins with the mark, is not all zeros, and has more in it than a first record,
+        // which a power cut may have torn.
+        let mut ours = !self.newest.is_empty();
+        for sector in 0..2 {
+            let mut mark = [0; WORD];
+            // What is unreadable reads as the mark.
+            if !ours
+                && self.map.flash().read(sector * Self::SECTOR, &mut mark).await.is_ok()
+                && mark.iter().all(|&byte| byte == 0)
+            {
+                ours = (1..Self::SECTOR.saturating_sub(FIRST)).contains(&self.empty_at_end(sector).await);
+            }
+        }
+        if ours { Found::Damaged } else { Found::Empty }
     }
 
     /// What is empty.
@@ -334,33 +365,31 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
     /// # Errors
     /// [`NotSaved`]: the newest record of this key is as before.
     pub async fn save(&mut self, key: u8, record: &[u8]) -> Result<(), NotSaved> {
+        let Space { free, dirty } = self.space().await;
+        let at_rest = self.at_rest.get();
+        let cleaned = if dirty && at_rest { self.clean().await } else { Ok(()) };
         let own = own_digest(key, record);
         let before = self.newest.iter().find(|newest| newest.key == key).map(|newest| newest.own);
         if before == Some(own) {
             return Ok(());
         }
+        cleaned?;
         let last = self.newest.iter().max_by_key(|newest| newest.sequence);
-        let sequence = last.map_or(1, |last| last.sequence.wrapping_add(1));
         // From the last one's digest: what is missed now is missed with this record, too.
         let digest = last.map_or(0, |last| last.digest) ^ before.unwrap_or(0) ^ own;
+        let sequence = if self.anew { 0 } else { self.sequence.wrapping_add(1) };
         let length = HEAD + record.len();
         if record.len() > RECORD || before.is_none() && self.newest.is_full() {
             return Err(NotSaved::Failed);
         }
         // The mark that closes the sector has its place; in an empty sector there is one that opens it, too.
         let word = F::WRITE_SIZE as u32;
-        let Space { free, dirty } = self.space().await;
         let opening = if free == Self::SECTOR { word } else { 0 };
         let length = (1 + length as u32).next_multiple_of(word);
         let needed = opening + Map::<F>::item_overhead_size() + length;
         let fits = needed + word <= free;
-        if !fits || dirty {
-            if !self.at_rest.get() {
-                return Err(NotSaved::Full);
-            }
-            if dirty {
-                self.clean().await?;
-            }
+        if (!fits || dirty) && !at_rest {
+            return Err(NotSaved::Full);
         }
         // In a block, so that its buffers and those of a survey are not there at once.
         let stored = {
@@ -379,6 +408,11 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
                 None => drop(self.newest.push(newest)),
             }
             self.space = Some(Space { free: free.saturating_sub(needed), dirty: false });
+            self.sequence = self.sequence.max(sequence);
+            if !self.anew && self.map.flash().only.take().is_some() {
+                // These records count now, and those in the other sector do not any more.
+                self.space = None;
+            }
         } else {
             // Where it failed, some of it may be there.
             self.survey().await;
@@ -394,17 +428,31 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         Ok(())
     }
 
-    /// Erases all, for a memory that takes nothing any more or has somebody else's data. Every record has to be saved again.
+    /// Begins to write all records anew, for a memory that does not take one any more, is damaged or has somebody else's data: they go into
+    /// the other sector, each by [`Store::save`]. Those of before count until the last one is saved, which [`Store::end_anew`] announces. A
+    /// save more, of whatever record, erases the old ones.
     ///
     /// # Errors
     /// [`NotSaved`].
-    pub async fn format(&mut self) -> Result<(), NotSaved> {
+    pub async fn begin_anew(&mut self) -> Result<(), NotSaved> {
         if !self.at_rest.get() {
             return Err(NotSaved::Full);
         }
-        let erased = self.map.erase_all().await;
-        self.survey().await;
-        erased.map_err(|_| NotSaved::Failed)
+        // Not known any more, if this fails.
+        self.space = None;
+        self.clean().await?;
+        let guard = self.map.flash();
+        // The crate begins in the first one.
+        guard.swapped ^= self.sector == 0;
+        guard.only = Some(0);
+        (self.sector, self.anew) = (0, true);
+        self.newest.clear();
+        Ok(())
+    }
+
+    /// The next record that is saved is the last one of those that are written anew.
+    pub fn end_anew(&mut self) {
+        self.anew = false;
     }
 
     /// Gives the memory back.
@@ -419,8 +467,5 @@ fn digest(newest: &[Newest]) -> u32 {
 }
 
 fn own_digest(key: u8, record: &[u8]) -> u32 {
-    let mut digest = DIGEST.digest();
-    digest.update(&[key]);
-    digest.update(record);
-    digest.finalize()
+    Checksum::new().bytes(&[key]).bytes(record).value()
 }

@@ -9,8 +9,9 @@
 //! | [`channels`], `confirm` | channels of a receiver; when a value counts |
 //! | [`sbus`], [`crsf`], [`pwm`], [`input`] | the three inputs, and one type for all |
 //! | [`edges`] | pulses from the edges that a timer catches |
+//! | [`reception`] | what came of all that was received, for people |
 //! | [`settings`], [`config`] | settings of an engine and of its outputs; the receiver of a node |
-//! | `position` | positions of a switch, debounced |
+//! | `position`, `alternation` | positions of a switch, debounced; a throttle that two senders move |
 //! | [`calibration`], [`pilot`] | end points of the stick; one engine: its stick, its switch, its commands |
 //! | [`service`], [`runner`] | one receiver and its engines; the UART that it is on |
 //! | [`outputs`], [`wiring`] | fuel valve, power of starter and ignition; the pins that drive them |
@@ -32,6 +33,7 @@
 #[cfg(test)]
 extern crate std;
 
+mod alternation;
 pub mod calibration;
 pub mod channels;
 pub mod config;
@@ -46,6 +48,7 @@ pub mod parameters;
 pub mod pilot;
 mod position;
 pub mod pwm;
+pub mod reception;
 pub mod runner;
 pub mod sbus;
 pub mod service;

@@ -10,6 +10,7 @@
 //! Frames come in, commands go out, one at most for each frame but for a stop or a release. Without a frame there is no command: then the
 //! engine's stages of loss begin. Nothing here has a timer.
 
+use crate::alternation::Alternation;
 use crate::calibration::{Calibration, CalibrationError};
 use crate::channels::Channels;
 use crate::count::count;
@@ -47,7 +48,7 @@ pub enum Ignored {
     Off,
     /// A channel that the engine needs is silent.
     Silent,
-    /// The throttle is too far beyond its end points.
+    /// The throttle is too far beyond its end points, or goes up and down faster than a hand moves a stick.
     Throttle,
     /// A switch is between two positions.
     BetweenPositions,
@@ -76,7 +77,7 @@ pub struct PilotCounters {
     pub commanded: u32,
     /// Frames with a silent channel.
     pub silent: u32,
-    /// Frames with a throttle beyond its end points.
+    /// Frames with a throttle beyond its end points, or one that alternates.
     pub throttle_beyond: u32,
     /// Frames with a switch between two positions, or one that had not been held.
     pub unclear: u32,
@@ -131,6 +132,7 @@ pub struct Pilot<'a> {
     shut_down: bool,
     /// The start of the last move waits for another engine.
     waits: bool,
+    alternation: Alternation,
     /// First and last of the frames in a row whose switch is at stop while another channel cannot be read.
     unreadable_stop: Option<(Instant, Instant)>,
     calibration: Option<Calibration>,
@@ -166,6 +168,7 @@ impl<'a> Pilot<'a> {
             arm: false,
             shut_down: false,
             waits: false,
+            alternation: Alternation::NEW,
             unreadable_stop: None,
             calibration: None,
             damaged: false,
@@ -283,7 +286,10 @@ impl<'a> Pilot<'a> {
                 calibration.see(pulse);
             }
         }
+        let throttle = channels.get(self.settings.throttle);
+        let alternates = throttle.is_some_and(|pulse| self.alternation.see(now, pulse.us()));
         let reading = match self.read(channels) {
+            Ok(_) if alternates => return self.unreadable(now, channels, Ignored::Throttle),
             Ok(reading) => reading,
             Err(why) => return self.unreadable(now, channels, why),
         };

@@ -40,7 +40,6 @@ mod qemu_mps2;
 mod retained;
 #[cfg(all(feature = "selftest", feature = "stm32"))]
 pub mod selftest;
-#[cfg(feature = "usb")]
 pub mod settings;
 pub mod stack;
 mod start;
@@ -84,5 +83,5 @@ pub use {
     outputs::drive_output,
     port::EcuPort,
     stm32::{Led, Watchdog, start_engine_executor},
-    table::{INVERTS_RX, NAME, OUTPUTS, OUTPUTS_LOW_BEFORE, PORTS, TELEMETRY_PORT, init},
+    table::{INVERTS_RX, NAME, OUTPUTS, OUTPUTS_LOW_BEFORE, PORTS, TELEMETRY_PORT, init, plan},
 };

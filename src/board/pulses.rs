@@ -1,4 +1,4 @@
-//! Servo pulses of a receiver on the four channels of a timer (`boards/` has the boards with one). No emulator shows it.
+//! Servo pulses of a receiver on the four channels of a timer (`boards/` has the boards with one).
 //!
 //! The timer counts µs and catches both edges of each pulse; the level of the pin says which edge it was. What they are as pulses is in
 //! [`jetlink_rc::edges`].
@@ -11,11 +11,17 @@ pub const OUTPUTS: Option<[u8; 4]> = None;
 pub const OUTPUTS: Option<[u8; 4]> = Some(super::table::capture::OUTPUTS);
 
 #[cfg(board_pulses)]
-pub use self::timer::{begin, next};
+pub use self::timer::{begin, next, rests};
 
 /// Without inputs there is nothing to begin.
 #[cfg(not(board_pulses))]
 pub fn begin() {}
+
+/// Without inputs none has to rest.
+#[cfg(not(board_pulses))]
+pub const fn rests() -> u32 {
+    0
+}
 
 /// Without inputs there is no pulse.
 #[cfg(not(board_pulses))]
@@ -79,6 +85,11 @@ mod timer {
         capture::Interrupt::unpend();
         // SAFETY: its handler is in `table.rs`, and its data is behind a lock.
         unsafe { capture::Interrupt::enable() };
+    }
+
+    /// Times that an input had to rest, because there was noise on it.
+    pub fn rests() -> u32 {
+        EDGES.lock(|edges| edges.borrow().rests())
     }
 
     /// Waits for the end of a pulse on any of the inputs.

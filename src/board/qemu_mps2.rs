@@ -98,6 +98,11 @@ static __INTERRUPTS: [Handler; 32] = {
 /// The board, ready for the firmware.
 pub type Board = Ready<EcuPort, Led, Watchdog, { PORTS.len() }>;
 
+/// As the other boards have it. Here a format is all that opens a port.
+pub const fn plan(formats: [Option<Format>; PORTS.len()]) -> [Option<Format>; PORTS.len()] {
+    formats
+}
+
 /// Does `first`, starts the clock, opens the ports that have a format, and the one of MAVLink. Call it once.
 pub fn init(
     formats: [Option<Format>; PORTS.len()],

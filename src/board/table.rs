@@ -162,13 +162,30 @@ macro_rules! board {
             }
         )?
 
+        /// The format of each open port, the place of its buffers, and what opens it. In a constant, so that the image has the drivers of
+        /// these ports alone.
+        pub const fn plan(formats: [Option<Format>; PORTS.len()]) -> [Option<(Format, usize, Opener)>; PORTS.len()] {
+            let openers: [Opener; PORTS.len()] = [$(openers::$uart),*];
+            let mut plan = [None; PORTS.len()];
+            // The first place is that of MAVLink.
+            let (mut port, mut place) = (0, 1);
+            while port < PORTS.len() {
+                if let Some(format) = formats[port] {
+                    plan[port] = Some((format, place, openers[port]));
+                    place += 1;
+                }
+                port += 1;
+            }
+            plan
+        }
+
         /// The board, ready for the firmware.
         pub type Board = Ready<EcuPort, Led, Watchdog, { PORTS.len() }>;
 
-        /// Starts the clocks, opens the ports that have a format, and the one of MAVLink. Does `first` before anything else. Call it
+        /// Starts the clocks, opens the ports of the plan, and the one of MAVLink. Does `first` before anything else. Call it
         /// once.
         pub fn init(
-            formats: [Option<Format>; PORTS.len()],
+            plan: [Option<(Format, usize, Opener)>; PORTS.len()],
             telemetry: Format,
             first: impl FnOnce(ResetCause),
         ) -> Board {
@@ -187,20 +204,18 @@ macro_rules! board {
             $(let _supply = p.$supply;)?
             $(let _fram = (p.$spi, p.$sck, p.$miso, p.$mosi, p.$select);)?
             let _usb = (p.$minus, p.$plus);
-            let openers: [Opener; PORTS.len()] = [$(openers::$uart),*];
-            let mut place = 0;
             let mut opened = [const { None }; PORTS.len()];
-            for ((port, format), opener) in opened.iter_mut().zip(formats).zip(openers) {
+            for (port, planned) in opened.iter_mut().zip(plan) {
+                let Some((format, place, opener)) = planned else { continue };
                 // SAFETY: `init` is called once, and opens each port once, in a place of its own.
-                *port = format.map(|format| unsafe { open(format, place, opener) });
-                place += usize::from(format.is_some());
+                *port = Some(unsafe { open(format, place, opener) });
             }
             Ready {
                 reset_cause: early.cause,
                 oscillator: early.oscillator,
                 ports: opened,
                 // SAFETY: as above; it is none of `PORTS`.
-                telemetry: unsafe { open(telemetry, place, openers::$telemetry_uart) },
+                telemetry: unsafe { open(telemetry, 0, openers::$telemetry_uart) },
                 led: Led::new(p.$led, Level::$lit, Drive::$drive),
                 watchdog: Watchdog::new(p.$watchdog),
             }

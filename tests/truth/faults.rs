@@ -1,7 +1,7 @@
 //! What goes wrong with one ECU and its two wires. Every disturbance is written into the history as what it really was.
 
 use crate::ecus;
-use crate::history::{History, MS, SECOND, Spans};
+use crate::history::{History, Kind, MS, Rules, SECOND, Spans};
 use crate::pilots::Rng;
 use core::fmt;
 use sim::any::AnyEcu;
@@ -163,13 +163,14 @@ impl Disturber {
     }
 
     /// A disturbance that no rule may be exempt from for long: rarely one that costs an AMT engine.
-    fn choose(&self, rng: &mut Rng, amt: bool, patience: u64) -> (Fault, u64) {
+    fn choose(&self, rng: &mut Rng, rules: &Rules) -> (Fault, u64) {
+        let (amt, patience) = (rules.kind == Kind::Amt, rules.gives_up_after);
         let power = match self.long {
             true => rng.spread(50 * MS, 900 * SECOND),
             false => rng.spread(50 * MS, 20 * SECOND),
         };
-        // Longer ones cost an AMT engine: half of them are such as it puts up with.
-        let short = amt && rng.percent(50);
+        // Longer ones cost an engine whose ECU gives up: most of them are such as it puts up with.
+        let short = !rules.kind.continues_without_commands() && rng.percent(70);
         let cut = rng.spread(100 * MS, if short { patience * 9 / 10 } else { 40 * SECOND });
         match rng.below(100) {
             0..14 => (Fault::PowerOff, power),
@@ -229,10 +230,9 @@ impl Disturber {
             write_down(history, fault, from, now);
             notes.push(format!("over: {fault}"));
         }
-        let amt = history.is_amt();
         if self.current.is_none() && now >= self.next {
             self.next = now + rng.wait(self.weather.between_faults());
-            let (fault, length) = self.choose(rng, amt, history.rules.gives_up_after);
+            let (fault, length) = self.choose(rng, &history.rules);
             begin(fault, rng, plug);
             self.current = Some((fault, now, now + length.max(MS)));
             notes.push(format!("{fault} for {} ms", length / MS));

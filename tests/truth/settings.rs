@@ -174,18 +174,19 @@ fn supervision(rng: &mut Rng) -> Supervision {
         };
     }
     if rng.percent(8) {
-        all.limits.ecu_fault = rng.pick(&[Action::FailSafe, Action::Standby]);
+        all.limits.ecu_fault = rng.pick(&[Action::FailSafe, Action::FailSafe, Action::Standby]);
     }
     if rng.percent(12) {
         let at = Some(Celsius::from_tenths(rng.pick(&[6200, 6800])));
-        all.limits.over_temperature = Limit { at, action: rng.pick(&[Action::FailSafe, Action::Standby]) };
+        all.limits.over_temperature =
+            Limit { at, action: rng.pick(&[Action::FailSafe, Action::FailSafe, Action::Standby]) };
     }
     if rng.percent(5) {
-        let action = rng.pick(&[Action::FailSafe, Action::Standby]);
+        let action = rng.pick(&[Action::FailSafe, Action::FailSafe, Action::Standby]);
         all.limits.over_speed = Limit { at: Some(Rpm::new(rng.pick(&[80_000, 100_000]))), action };
     }
     if rng.percent(6) {
-        let action = rng.pick(&[Action::FailSafe, Action::Standby]);
+        let action = rng.pick(&[Action::FailSafe, Action::FailSafe, Action::Standby]);
         match rng.below(4) {
             0 => all.limits.hot_start.action = action,
             1 => all.limits.flame_out.action = action,

@@ -9,6 +9,8 @@
 
 #[path = "../../jetlink/src/channel.rs"]
 pub mod channel;
+#[path = "../../jetlink/src/checksum.rs"]
+pub mod checksum;
 #[path = "../../jetlink/src/codes.rs"]
 mod codes;
 #[path = "../../jetlink/src/command.rs"]

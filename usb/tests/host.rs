@@ -466,7 +466,7 @@ fn controller_alone_panics_by_such_a_request() {
     ChipBus(Box::leak(Box::default())).endpoint_set_stalled(EndpointAddress::from(0x84), true);
 }
 
-/// Every request there is, with every kind of recipient: answered or rejected, and then all goes on.
+/// Every request there is, with every kind of recipient: answered or rejected, and then everything continues.
 #[test]
 fn any_request_leaves_the_device_running() {
     run(async |host| {

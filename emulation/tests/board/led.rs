@@ -1,6 +1,7 @@
-//! The status LED shows the states of the engines, as README's table has them.
+//! The status LED shows the states of the engines, as README's table has them, and the buzzer beeps with it.
 
 use crate::support::{Led, on_each_board};
+use emulation::pins::{Level, Pin};
 use emulation::receiver::{Position, Protocol, Receiver};
 use emulation::{Image, Run};
 use sim::ecu::{MILLIS, Nanos, SECOND};
@@ -13,6 +14,7 @@ fn armed_running_source_lost_and_stop_latched_are_shown() {
             .quick_engines()
             .radio(Receiver::new(Protocol::Sbus))
             .record(led.register)
+            .outputs()
             .at(5 * SECOND, |bench| bench.radio().switch = Position::Standby)
             .at(9 * SECOND, |bench| bench.radio().switch = Position::Run)
             .at(60 * SECOND, |bench| bench.radio().transmitter = false)
@@ -21,6 +23,8 @@ fn armed_running_source_lost_and_stop_latched_are_shown() {
             .until(75 * SECOND)
             .go();
         let (lit, dark) = (led.lit(&report), led.dark(&report));
+        // The image has the buzzer on the last output, where one is left (src/config.rs).
+        let buzzer = (board.outputs.len() > 8).then(|| Pin::output(&report, board.outputs.len() - 1));
         // The flashes of the second from then on, in ms.
         let flashes = |second: Nanos| {
             let within = second * SECOND - 100 * MILLIS..(second + 1) * SECOND - 100 * MILLIS;
@@ -28,15 +32,25 @@ fn armed_running_source_lost_and_stop_latched_are_shown() {
             let length = |at: &Nanos| dark.iter().find(|dark| *dark > at).expect("it goes out") - at;
             lit.map(|at| (length(at) + MILLIS / 2) / MILLIS).collect::<Vec<_>>()
         };
-        for (second, shows) in [
-            (7, [50; 2].as_slice()), // armed
-            (11, &[50; 3]),          // ordered to run
-            (58, &[50; 3]),          // running
-            (62, &[300]),            // source lost
-            (68, &[50; 3]),          // back
-            (73, &[300; 2]),         // stop latched
+        for (second, shows, beeps) in [
+            (7, [50; 2].as_slice(), true), // armed
+            (11, &[50; 3], false),         // ordered to run
+            (58, &[50; 3], false),         // running
+            (62, &[300], true),            // source lost
+            (68, &[50; 3], false),         // back
+            (73, &[300; 2], true),         // stop latched
         ] {
             assert_eq!(flashes(second), shows, "{}, second {second}\n{}", board.name, report.log_text());
+            let Some(buzzer) = &buzzer else { continue };
+            let within = second * SECOND - 100 * MILLIS..(second + 1) * SECOND - 100 * MILLIS;
+            let changes = buzzer.changes(within);
+            let beeped: Vec<Nanos> = changes
+                .iter()
+                .zip(changes.iter().skip(1))
+                .filter(|((_, level), _)| *level == Level::High)
+                .map(|((on, _), (off, _))| (off - on + MILLIS / 2) / MILLIS)
+                .collect();
+            assert_eq!(beeped, if beeps { shows } else { &[] }, "{}, second {second}", board.name);
         }
     });
 }

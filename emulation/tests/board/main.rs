@@ -22,6 +22,7 @@ mod other_boards;
 mod outputs;
 mod play_ecu;
 mod power;
+mod pulses;
 mod radio;
 mod repeat;
 mod reply_time;

@@ -6,7 +6,7 @@
 use crate::support::{amt_engines, on_all_boards, on_boards, on_each_board, others_are_well};
 use emulation::receiver::{Position, Protocol, Receiver};
 use emulation::{Board, Fram, Image, Report, Run};
-use sim::amt::{AmtEcu, Ops};
+use sim::amt::{AmtConfig, AmtEcu, EngineModel, Ops};
 use sim::ecu::{Ecu, LineFault, MILLIS, Nanos, SECOND};
 use sim::line::Line;
 use sim::turbine::Phase;
@@ -563,6 +563,7 @@ fn somebody_elses_data_in_an_fram_makes_no_reply_late_and_stays() {
     );
 }
 
+/// RAM has it over a reset.
 #[test]
 fn without_a_known_fram_a_text_says_that_a_setting_is_not_stored() {
     let unknown = [0x7F, 0x7F, 0x7F, 0x7F, 0x7F, 0x7F, 0xC2, 0x2A, 0x08];
@@ -571,8 +572,13 @@ fn without_a_known_fram_a_text_says_that_a_setting_is_not_stored() {
         |board| {
             for fram in [None, Some(Fram::fm25v01a().with_id(unknown))] {
                 let is_there = fram.is_some();
-                let script = vec![(8 * SECOND, set(LEFT, "LOSS_HOLD", 2345.0))];
-                let report = with_fram(board, fram, script).with_errors().until(9 * SECOND).go();
+                let script = vec![
+                    (8 * SECOND, set(LEFT, "LOSS_HOLD", 2345.0)),
+                    (17 * SECOND, read(LEFT, "LOSS_HOLD")),
+                ];
+                let run = with_fram(board, fram, script).with_errors().resets(1);
+                let report =
+                    run.at(9 * SECOND + SECOND / 2, |bench| bench.press_reset()).until(18 * SECOND).go();
                 let client: &Client = report.ecu(board.telemetry.name);
                 let texts = format!("{}: {:#?}\n{}", board.name, client.texts(), report.log_text());
                 assert!(report.logged("settings: no F-RAM that is known"), "{texts}");
@@ -581,13 +587,72 @@ fn without_a_known_fram_a_text_says_that_a_setting_is_not_stored() {
                     client.texts().iter().any(|text| text.contains("LOSS_HOLD is not stored")),
                     "{texts}"
                 );
-                assert_eq!(client.value(LEFT, "LOSS_HOLD"), Some(2345.0), "it counts until then; {texts}");
+                let values: Vec<_> =
+                    client.of(LEFT, PARAM_VALUE).map(|it| (it.at > 17 * SECOND, it.float(0))).collect();
+                assert_eq!(values, [(false, 2345.0), (true, 2345.0)], "{texts}");
+                assert!(
+                    report.logged("settings: this board stores none, those of before the reset count"),
+                    "{texts}"
+                );
+                let vehicle = report.lines("MAVLink: the vehicle is system").next_back().map(|line| line.at);
+                assert!(vehicle.is_some_and(|at| at < 11 * SECOND), "the id is known at once; {texts}");
                 // Nobody writes to what is not known.
                 assert_eq!(
                     report.fram.map(|fram| (fram.written, fram.ignored.len())),
                     is_there.then_some((0, 0))
                 );
             }
+        },
+    );
+}
+
+/// An ECU whose voltages have no known scale (AMT-6): what the divider measures is reported, and counts for a start.
+#[test]
+fn the_supply_that_the_board_measures_counts_where_the_ecu_reports_none() {
+    on_boards(
+        |board| board.divider.is_some(),
+        |board| {
+            const CHARGED: Nanos = 14 * SECOND;
+            let port = board.ports[0].name;
+            let line = Line::n1(2400);
+            let client = Client {
+                script: vec![
+                    (8 * SECOND, set(NODE, "MAV_EFI_ENGINE", 255.0)),
+                    (8 * SECOND, set(LEFT, "START_SUPPLY", 11_000.0)),
+                    (12 * SECOND, command(LEFT, START, 1.0)),
+                    // The same start is refused for 5 s.
+                    (18 * SECOND, command(LEFT, START, 1.0)),
+                ],
+                armed_from: Some(9 * SECOND),
+                ..Client::default()
+            };
+            let report = Run::new(board, Image::Supply)
+                .quick_engines()
+                .ecu(port, line, AmtEcu::new(AmtConfig::new(EngineModel::Nike).on(line)))
+                .ecu(board.telemetry.name, LINE, client)
+                .at(0, |bench| bench.battery(10_500))
+                .at(CHARGED, |bench| bench.battery(12_600))
+                .until(20 * SECOND)
+                .go();
+            others_are_well(&report, &[]);
+            let client: &Client = report.ecu(board.telemetry.name);
+            let texts = format!("{:#?}\n{}", client.texts(), report.log_text());
+            let volts = |component: u8, at: Nanos| {
+                let last = client.of(component, EFI_STATUS).take_while(|frame| frame.at <= at).last();
+                last.unwrap_or_else(|| panic!("its telemetry; {texts}")).float(65)
+            };
+            // To 0.01 V: the divider's steps are 0.6 mV.
+            assert!((volts(LEFT, CHARGED) - 10.5).abs() < 0.012, "{}; {texts}", volts(LEFT, CHARGED));
+            assert!((volts(LEFT, report.at) - 12.6).abs() < 0.012, "{}; {texts}", volts(LEFT, report.at));
+            // Another ECU reports its own, which does not change.
+            assert_eq!(volts(LEFT + 1, CHARGED), volts(LEFT + 1, report.at), "{texts}");
+            let answers = client.answers(LEFT, 11 * SECOND);
+            assert_eq!(answers, [(START, TEMPORARILY_REJECTED), (START, ACCEPTED)], "{texts}");
+            let refused = client.texts().iter().any(|text| text.contains("the supply has only 10"));
+            assert!(refused, "{texts}");
+            let measured: Vec<_> = report.lines("board: supply").map(|line| (line.at, &line.text)).collect();
+            println!("{:?}, {} lines", measured.first(), measured.len());
+            assert!((19..=21).contains(&measured.len()), "{texts}");
         },
     );
 }

@@ -1,4 +1,4 @@
-//! A receiver of radio control on its port: line settings, an AMT and a ZK turbine by stick and switch, and what a receiver that is
+//! A receiver of radio control on its port, SBUS or CRSF: line settings, an AMT and a ZK turbine by stick and switch, and what a receiver that is
 //! lost, unplugged or plugged in at full throttle does.
 
 use crate::support::on_each_board;
@@ -15,12 +15,12 @@ use sim::zk::{Sw, ZkCommand, ZkEcu};
 const BOTH: [(Protocol, Image); 2] = [(Protocol::Sbus, Image::RadioSbus), (Protocol::Crsf, Image::RadioCrsf)];
 
 /// Ports of an AMT engine, "left", and of a ZK engine, "booster".
-const AMT: &str = "SERIAL2";
-const ZK: &str = "SERIAL5";
+pub const AMT: &str = "SERIAL2";
+pub const ZK: &str = "SERIAL5";
 
 /// An order that an ECU obeyed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Order {
+pub enum Order {
     Stop,
     Standby,
     /// With this demand in 0.1 %.
@@ -28,7 +28,7 @@ enum Order {
 }
 
 /// Orders on both ports, with their times.
-fn orders(report: &Report) -> [Vec<(Nanos, Order)>; 2] {
+pub fn orders(report: &Report) -> [Vec<(Nanos, Order)>; 2] {
     let amt = report.ecu::<AmtEcu>(AMT).commands.iter().map(|(at, command)| {
         let order = match command.ops {
             Ops::EmergencyStop => Order::Stop,
@@ -51,11 +51,11 @@ fn orders(report: &Report) -> [Vec<(Nanos, Order)>; 2] {
 }
 
 /// The last order until then.
-fn order_at(orders: &[(Nanos, Order)], at: Nanos) -> Order {
+pub fn order_at(orders: &[(Nanos, Order)], at: Nanos) -> Order {
     orders.iter().rfind(|(each, _)| *each < at).expect("orders").1
 }
 
-fn phases(report: &Report) -> [Phase; 2] {
+pub fn phases(report: &Report) -> [Phase; 2] {
     [report.ecu::<AmtEcu>(AMT).turbine().phase(), report.ecu::<ZkEcu>(ZK).turbine().phase()]
 }
 
@@ -65,7 +65,7 @@ fn run(board: &'static Board, (protocol, image): (Protocol, Image)) -> Run {
 }
 
 /// 50.0 %, as far as both protocols have it.
-fn is_half(order: Order) -> bool {
+pub fn is_half(order: Order) -> bool {
     matches!(order, Order::Run(495..=505))
 }
 

@@ -65,6 +65,18 @@ fn the_emulators_boards_equal_those_of_the_table() {
         let in_table: Vec<_> =
             table.outputs.iter().map(|output| (output.pin.to_string(), output.low_before)).collect();
         assert_eq!(outputs, in_table, "{name}");
+        let inputs = here.inputs.map(|inputs| {
+            let pins = inputs.pins.map(|pin| format!("P{}{}", pin.port, pin.number));
+            (format!("{:?}", inputs.timer).to_uppercase(), pins)
+        });
+        let in_table = table.pulses.map(|inputs| (inputs.timer.to_string(), inputs.pins.map(str::to_string)));
+        assert_eq!(inputs, in_table, "{name}");
+        let divider = here.divider.map(|divider| {
+            let (port, number) = divider.pin;
+            (format!("P{port}{number}"), 10 * divider.ratio)
+        });
+        let in_table = table.supply.map(|divider| (divider.pin.to_string(), divider.tenths));
+        assert_eq!(divider, in_table, "{name}");
         let mut held: Vec<_> = here.held.iter().map(|&held| pin(held)).collect();
         let mut in_table: Vec<_> =
             table.held().map(|hold| (hold.pin.to_string(), high(hold.level))).collect();

@@ -149,9 +149,7 @@ pub fn of_demand(sample: &Sample, detail: &Detail) -> Vec<String> {
             all.push("no order is in force: the node listens, and the next reports decide".to_owned())
         }
         Order::Doubt(_) => {
-            all.push(
-                "it is in doubt whether the engine runs: nothing that could start it is sent".to_owned(),
-            );
+            all.push("it is in doubt whether the engine runs: the demand may be withheld".to_owned());
         }
         Order::Pwm => all.push("the ECU's PWM input is in control".to_owned()),
         Order::Standby if matches!(sample.input, PilotInput::Run(_)) => {

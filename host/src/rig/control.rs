@@ -39,7 +39,7 @@ pub struct Turn {
     pub pace: Option<Pace>,
     /// How the run passes, if that has changed.
     pub passing: Option<Passing>,
-    /// The script file has come to its end: the verdict is shown, and a person decides how it goes on.
+    /// The script file has come to its end: the verdict is shown, and a person decides what comes next.
     pub over: bool,
     /// The run ends.
     pub end: bool,

@@ -156,66 +156,74 @@ fn complain(error: &str) {
     let _ = writeln!(io::stderr(), "jetlink rig: {error}");
 }
 
-/// The whole run, to its exit status.
-fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
-    let end = EndRequest::by_signals()?;
-    let names: Vec<&'static str> = order.setup.engines.iter().map(Engine::name).collect();
-    let title = Title::of(&order.setup, &order.header, args.script.as_deref());
-    let subjects = order.setup.engines.iter().map(|engine| Subject {
+/// Where the run is shown.
+struct Place {
+    out: Out,
+    is_terminal: bool,
+    /// A screen can be drawn on it.
+    takes_screen: bool,
+    theme: Theme,
+}
+
+impl Place {
+    fn of(args: &Args, order: &Order) -> Self {
+        let files = wanted(args, order);
+        let to_stdout = files.iter().any(|file| output::is_stdout(&file.path));
+        let is_terminal = !to_stdout && io::stdout().is_terminal();
+        let theme = Theme::of(args.ascii, |name| std::env::var(name).ok());
+        let to = if to_stdout { Stream::Stderr } else { Stream::Stdout };
+        // Rows in the middle of a screen would spoil both.
+        let rows_on_terminal = files.iter().any(|file| output::is_terminal(&file.path));
+        Self {
+            out: Out { to, ascii: args.ascii || is_terminal && theme.ascii },
+            is_terminal,
+            takes_screen: is_terminal && !is_dumb() && !rows_on_terminal,
+            theme,
+        }
+    }
+}
+
+fn subject(engine: &Engine) -> Subject {
+    let egt_limit = engine.config.supervision.limits.over_temperature.at;
+    Subject {
         name: engine.name(),
         caption: engine.caption(),
         max_rpm: simulated::parameters(engine).max_rpm,
-        egt_limit: engine
-            .config
-            .supervision
-            .limits
-            .over_temperature
-            .at
-            .map(|limit| f64::from(limit.tenths()) / 10.0),
+        egt_limit: egt_limit.map(|limit| f64::from(limit.tenths()) / 10.0),
         by_rpm: engine.by_rpm(),
-    });
-    let about = format!("jetlink {}, seed {}; all is simulated", env!("CARGO_PKG_VERSION"), order.setup.seed);
-    let report = args.report.as_deref().map(|path| Report::new(path, about, &end));
-    let chronicle =
-        (args.plot.is_some() || report.is_some()).then(|| Chronicle::new(title, subjects.collect()));
-    let plot = args.plot.as_deref().map(|path| Plot::new(path, args.dark, &end));
-    let capture = args.capture.as_deref().map(|folder| Capture::create(folder, &names, &end)).transpose();
-    // The last: what it held before is gone with this.
-    let csv = capture.and_then(|capture| {
-        let csv = args.csv.as_deref().map(|path| Csv::create(path, &end)).transpose()?;
-        Ok((capture, csv))
-    });
-    let (capture, csv) = match (csv, end.requested()) {
-        (Ok(files), _) => files,
-        // Nothing has run yet: it was ended while it waited for the reader of a FIFO.
-        (Err(error), Some(by)) => {
-            complain(&error);
-            return Ok(ExitCode::from(by.status()));
-        }
-        (Err(error), None) => return Err(error),
-    };
-    let files = Files { names: names.clone(), csv, chronicle, plot, capture };
-    let to_stdout = wanted(args, order).iter().any(|file| output::is_stdout(&file.path));
-    let is_terminal = !to_stdout && io::stdout().is_terminal();
-    let theme = Theme::of(args.ascii, |name| std::env::var(name).ok());
-    let to = if to_stdout { Stream::Stderr } else { Stream::Stdout };
-    let out = Out { to, ascii: args.ascii || is_terminal && theme.ascii };
-    // Rows in the middle of a screen would spoil both.
-    let rows_on_terminal = wanted(args, order).iter().any(|file| output::is_terminal(&file.path));
-    let on_terminal = is_terminal && !is_dumb() && !rows_on_terminal;
+    }
+}
 
-    // The last of all: from here on the terminal may not be as it was.
+/// Opens the files that are written during the run.
+fn files(args: &Args, order: &Order, names: &[&'static str], end: &EndRequest) -> Result<Files, String> {
+    let title = Title::of(&order.setup, &order.header, args.script.as_deref());
+    let subjects = order.setup.engines.iter().map(subject);
+    let chronicle =
+        (args.plot.is_some() || args.report.is_some()).then(|| Chronicle::new(title, subjects.collect()));
+    let plot = args.plot.as_deref().map(|path| Plot::new(path, args.dark, end));
+    let capture = args.capture.as_deref().map(|folder| Capture::create(folder, names, end)).transpose()?;
+    // The last: what it held before is gone with this.
+    let csv = args.csv.as_deref().map(|path| Csv::create(path, end)).transpose()?;
+    Ok(Files { names: names.to_vec(), csv, chronicle, plot, capture })
+}
+
+/// The screen or the lines, and who steers the run there.
+fn stage(
+    args: &Args,
+    order: &mut Order,
+    names: &[&'static str],
+    place: &Place,
+    end: &EndRequest,
+) -> (Shown, Box<dyn Control>) {
+    let script = order.script.take();
     let (requests, wanted_live) = mpsc::channel();
-    let screen = (on_terminal && !order.setup.fast && !args.plain).then(|| {
+    let screen = (place.takes_screen && !order.setup.fast && !args.plain).then(|| {
         let setup = &order.setup;
         let mut model = Model::new(&setup.engines, setup.plan.length, setup.scenario.is_some());
         model.transmitter = setup.radio.as_ref().is_some_and(|radio| radio.transmitter().is_some());
-        Screen::enter(model, theme, requests, end.clone())
+        Screen::enter(model, place.theme, requests, end.clone())
     });
-    let script = order.script.take();
-    let scripted: Vec<Act> =
-        script.iter().flat_map(|(actions, _)| actions).map(|(_, action)| action.act).collect();
-    let (shown, mut control): (Shown, Box<dyn Control>) = match (screen, script) {
+    match (screen, script) {
         (Some(Ok(screen)), script) => {
             order.setup.details = true;
             let tour = order.header.silence.then(Tour::default);
@@ -228,15 +236,38 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
         }
         // A terminal that cannot be drawn on can still be written to.
         (Some(Err(_)) | None, script) => {
-            let every = if on_terminal && order.setup.fast { LINES_EVERY_FAST } else { LINES_EVERY };
+            let every = if place.takes_screen && order.setup.fast { LINES_EVERY_FAST } else { LINES_EVERY };
             let control: Box<dyn Control> = match script {
                 Some((actions, over)) => Box::new(Scripted::new(actions, over)),
                 None => Box::new(Unattended),
             };
-            let width = is_terminal.then(terminal_width);
-            (Shown::Lines(Lines::new(out, names.clone(), every, width)), control)
+            let width = place.is_terminal.then(terminal_width);
+            (Shown::Lines(Lines::new(place.out, names.to_vec(), every, width)), control)
         }
+    }
+}
+
+/// The whole run, to its exit status.
+fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
+    let end = EndRequest::by_signals()?;
+    let names: Vec<&'static str> = order.setup.engines.iter().map(Engine::name).collect();
+    let about = format!("jetlink {}, seed {}; all is simulated", env!("CARGO_PKG_VERSION"), order.setup.seed);
+    let report = args.report.as_deref().map(|path| Report::new(path, about, &end));
+    let files = match (files(args, order, &names, &end), end.requested()) {
+        (Ok(files), _) => files,
+        // Nothing has run yet: it was ended while it waited for the reader of a FIFO.
+        (Err(error), Some(by)) => {
+            complain(&error);
+            return Ok(ExitCode::from(by.status()));
+        }
+        (Err(error), None) => return Err(error),
     };
+    let place = Place::of(args, order);
+    let Place { out, is_terminal, theme, .. } = place;
+    let scripted: Vec<Act> =
+        order.script.iter().flat_map(|(actions, _)| actions).map(|(_, action)| action.act).collect();
+    // The last of all: from here on the terminal may not be as it was.
+    let (shown, mut control) = stage(args, order, &names, &place, &end);
     let show = Show { shown, files };
 
     // Whatever happens in the scope, it waits for the screen and the files.

@@ -5,6 +5,7 @@ use super::play::action::Action;
 use super::play::judge::Verdict;
 use embassy_time::{Duration, Instant};
 use jetlink::report::{Counters, LinkState};
+use jetlink_rc::reception::Reception;
 use sim::ecu::Counts;
 
 /// What had to happen, and whether it did.
@@ -77,6 +78,8 @@ pub struct Outcomes {
     pub bad_commands: u64,
     /// What was done by hand.
     pub actions: Vec<(Instant, Action)>,
+    /// What came of all that a receiver of radio control has sent, if there was one.
+    pub reception: Option<Reception>,
     /// A scenario was played.
     pub is_scenario: bool,
 }

@@ -167,7 +167,7 @@ fn is_one_file(a: &str, b: &str) -> bool {
     of(a).zip(of(b)).is_some_and(|(a, b)| (a.dev(), a.ino()) == (b.dev(), b.ino()))
 }
 
-/// What a name stands for is all that is known of a file here.
+/// Only what a name refers to is known of a file here.
 #[cfg(not(unix))]
 const fn is_one_file(_: &str, _: &str) -> bool {
     false

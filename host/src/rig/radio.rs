@@ -12,12 +12,14 @@ use super::context::{EngineContext, PilotInput};
 use super::engines::MOST_ENGINES;
 use super::node::Node;
 use super::port::{Format, Link};
-use embassy_time::Instant;
+use embassy_futures::join::join;
+use embassy_time::{Duration, Instant, Timer};
 use jetlink::channel::Channel;
 use jetlink::command::{Command, Order, Origin};
 use jetlink::runner::LineErrors;
 use jetlink_rc::config::Protocol;
 use jetlink_rc::pilot::{Outcome, Pilot};
+use jetlink_rc::reception::Reception;
 use jetlink_rc::runner;
 use jetlink_rc::service::Service;
 use jetlink_rc::settings::EngineSettings;
@@ -41,7 +43,12 @@ pub struct Radio {
     from: From,
     /// Settings of each engine, as they are parameters: they stay over a reset of the node, as a board stores them.
     settings: Cell<[EngineSettings; MOST_ENGINES]>,
+    /// What came of all that was received, in the earlier lives of the node and in this one.
+    reception: [Cell<Reception>; 2],
 }
+
+/// Time between two looks at what was received.
+const LOOK: Duration = Duration::from_millis(100);
 
 impl Radio {
     /// Opens the port, or takes the transmitter up: its stick at idle, its switch at stop.
@@ -54,7 +61,14 @@ impl Radio {
                 From::Port(Link::open(address, format).map_err(RadioError::Open)?)
             }
         };
-        Ok(Self { protocol: choice.protocol, from, settings: Cell::new([choice.settings; MOST_ENGINES]) })
+        let settings = Cell::new([choice.settings; MOST_ENGINES]);
+        Ok(Self { protocol: choice.protocol, from, settings, reception: Default::default() })
+    }
+
+    /// What came of all that was received so far, to 0.1 s.
+    pub fn reception(&self) -> Reception {
+        let [earlier, now] = &self.reception;
+        earlier.get() + now.get()
     }
 
     /// The transmitter, if it is simulated.
@@ -67,6 +81,8 @@ impl Radio {
 
     /// The receiver of a node that has just started.
     pub fn begin<'a>(&self, node: &Node<'_>, channels: &'a [Channel]) -> Receiver<'a> {
+        let [earlier, now] = &self.reception;
+        earlier.set(earlier.get() + now.take());
         let mut pilots = Vec::new();
         for (i, (channel, settings)) in channels.iter().zip(self.settings.get()).enumerate() {
             let Ok(source) = channel.owner_in(channels).source(Origin::Rc) else { continue };
@@ -94,16 +110,25 @@ impl Radio {
                 note(context, outcome);
             }
         };
-        match &self.from {
-            From::Transmitter(transmitter) if self.protocol == Protocol::Pwm => {
-                let mut pulses = Pulses::new(transmitter);
-                runner::run_pulses(service, async || pulses.next().await, after).await
+        let look = async {
+            loop {
+                Timer::after(LOOK).await;
+                self.reception[1].set(service.borrow().input().reception());
             }
-            From::Transmitter(transmitter) => {
-                runner::run(service, Air::new(transmitter, self.protocol), &errors, after).await
+        };
+        let receive = async {
+            match &self.from {
+                From::Transmitter(transmitter) if self.protocol == Protocol::Pwm => {
+                    let mut pulses = Pulses::new(transmitter);
+                    runner::run_pulses(service, async || pulses.next().await, after).await
+                }
+                From::Transmitter(transmitter) => {
+                    runner::run(service, Air::new(transmitter, self.protocol), &errors, after).await
+                }
+                From::Port(link) => runner::run(service, link.rx(), &errors, after).await,
             }
-            From::Port(link) => runner::run(service, link.rx(), &errors, after).await,
-        }
+        };
+        join(receive, look).await;
     }
 }
 

@@ -147,7 +147,7 @@ impl Sample {
     }
 
     /// What the engine does; while it starts, with the step as the ECU names it. An engine that was stopped at speed runs down
-    /// before it stands.
+    /// before it is at rest.
     pub fn does_text(&self) -> String {
         match self.does {
             EngineState::Stopped if self.rpm.is_some_and(|rpm| rpm > AT_REST) => "run-down".to_owned(),

@@ -8,10 +8,10 @@ use super::engines::Engine;
 use super::faults::{Failure, Faults};
 use super::mavlink::Mavlink;
 use super::message::Message;
-use super::node::Node;
+use super::node::{Node, Reset};
 use super::outcome::{End, Outcome, Outcomes};
 use super::pilot::Pilot;
-use super::plan::{FlownBy, Plan};
+use super::plan::{EnginePlan, FlownBy, Plan};
 use super::play::action::Fault;
 use super::play::player::Player;
 use super::radio::Radio;
@@ -105,238 +105,45 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
     clock::reset();
     clock::set_pace(if setup.fast { clock::Pace::Unlimited } else { clock::Pace::Times(setup.speed) });
 
-    let count = setup.engines.len();
     let notes = Notes::default();
     let mut seeds = fastrand::Rng::with_seed(setup.seed);
     let node = Node::new(&setup.engines, setup.valves);
     let context = |(i, engine)| EngineContext::new(i, engine, setup.faults.line_clean_from(i), &notes);
     let contexts: Vec<EngineContext<'_>> = setup.engines.iter().enumerate().map(context).collect();
-    let flown: Vec<Flown> = (0..count).map(|_| RefCell::new(None)).collect();
-    let plugs: Vec<Plug<AnyEcu>> = setup
-        .engines
-        .iter()
-        .map(|engine| {
-            // The node gets its halves when it starts.
-            let (_, _, plug) = sim::wire::connect(ecu(engine), line(engine), seeds.u64(..));
-            plug.record(true);
-            plug
-        })
-        .collect();
+    let plug = |engine: &Engine| {
+        // The node gets its halves when it starts.
+        let (_, _, plug) = sim::wire::connect(ecu(engine), line(engine), seeds.u64(..));
+        plug.record(true);
+        plug
+    };
+    let plugs: Vec<Plug<AnyEcu>> = setup.engines.iter().map(plug).collect();
     if setup.details {
         contexts.iter().for_each(|context| context.tap.borrow_mut().open());
     }
     let scenario_context = ScenarioContext::new(&node, &contexts, &plugs, &notes);
     let transmitter = setup.radio.as_ref().and_then(Radio::transmitter);
     let player = Player::new(&node, &contexts, &plugs, &notes, transmitter, setup.scenario.is_some());
-
-    // The tasks that continue when the node is reset.
-    let mut tasks: Vec<Task<'_>> = Vec::new();
-    for plug in &plugs {
-        tasks.push(wired::line(plug));
-    }
-    if let Some(scenario) = setup.scenario {
-        tasks.extend((0..count).map(|i| -> Task<'_> { Box::pin(clock::task(scenario_context.sit(i))) }));
-        tasks.extend((0..count).map(|i| -> Task<'_> { Box::pin(clock::task(player.stop_until_taken(i))) }));
-        let (script, flown) = (scenario.script(&scenario_context), &flown);
-        tasks.push(Box::pin(async move {
-            let result = script.await;
-            flown.iter().for_each(|flown| {
-                flown.replace(Some(result.clone()));
-            });
-        }));
-    } else if setup.is_commanded() {
-        // MAVLink or the transmitter commands, and otherwise only a person at the keyboard.
-        for (i, context) in contexts.iter().enumerate() {
-            // What comes from outside may fall silent at any time.
-            if !setup.plays_again() {
-                context.audit.borrow_mut().judge_no_orders();
-            }
-            let player = &player;
-            tasks.push(Box::pin(async move {
-                loop {
-                    context.stage.set(Stage::Commanded);
-                    player.taken(i).await;
-                    player.drive(i).await;
-                }
-            }));
-        }
-    } else {
-        for (i, ((context, plan), flown)) in contexts.iter().zip(&setup.plan.engines).zip(&flown).enumerate()
-        {
-            let (node, player, seed) = (&node, &player, seeds.u64(..));
-            tasks.push(Box::pin(async move {
-                loop {
-                    let mut pilot = Pilot::new(
-                        context,
-                        node,
-                        *plan,
-                        setup.plan.flown_by == FlownBy::PilotsInStandby,
-                        &setup.faults,
-                        seed,
-                    );
-                    match select(clock::task(pilot.fly()), player.taken(i)).await {
-                        Either::First(result) => {
-                            flown.replace(Some(result));
-                            select(clock::task(pilot.stay()), player.taken(i)).await;
-                        }
-                        Either::Second(()) => {}
-                    }
-                    flown.take();
-                    context.failure.take();
-                    player.drive(i).await;
-                }
-            }));
-        }
-    }
-    tasks.push(Box::pin(clock::task(disturb(setup, &contexts, &plugs, &notes))));
-    if setup.valves {
-        tasks.push(Box::pin(clock::task(drive_valves(&node, &contexts, &plugs))));
-    }
-
-    let outcomes = |end: End| {
-        let of_engine =
-            |(i, ((context, plug), flown)): (usize, ((&EngineContext<'_>, &Plug<AnyEcu>), &Flown))| {
-                let telemetry = node.telemetry(i);
-                let flown = flown.borrow().clone();
-                Outcome {
-                    has_pilot: !setup.is_commanded(),
-                    name: context.engine.name(),
-                    has_reply_window: context.engine.ecu.protocol().has_reply_window(),
-                    // A pilot that has given up still waits for its engine to cool.
-                    flown: flown.or_else(|| context.failure.borrow().clone().map(Err)),
-                    played: player.verdict(i),
-                    node: telemetry.counters,
-                    commands_rejected: telemetry.counters.commands_rejected,
-                    link: telemetry.link,
-                    ecu: plug.ecu(|ecu| ecu.counts()),
-                    audit: context.audit.borrow().clone(),
-                    stops: context.stops.get(),
-                    recovered_after: context.recovered_after.get(),
-                    // The script of a scenario judges its lines itself.
-                    line_was_clean: setup.faults.line_is_clean(i) && setup.scenario.is_none(),
-                    is_live: plug.ecu(|ecu| ecu.turbine().phase().is_live()),
-                }
-            };
-        Outcomes {
-            engines: contexts.iter().zip(&plugs).zip(&flown).enumerate().map(of_engine).collect(),
-            length: Instant::now() - Instant::MIN,
-            end,
-            checks: scenario_context.checks(),
-            bad_commands: setup.scenario.map_or(0, |scenario| scenario.bad_commands),
-            actions: player.kept(),
-            is_scenario: setup.scenario.is_some(),
-        }
+    let flown: Vec<Flown> = setup.engines.iter().map(|_| RefCell::new(None)).collect();
+    let world = World {
+        setup,
+        node: &node,
+        contexts: &contexts,
+        plugs: &plugs,
+        notes: &notes,
+        scenario_context: &scenario_context,
+        player: &player,
+        flown: &flown,
     };
 
     let end = RefCell::new(End::Complete);
-    let watch = async {
-        let mut ticker = Ticker::every(SAMPLE_EVERY);
-        let (mut all_done_at, mut shown_complete, mut shown_over) = (None, false, false);
-        loop {
-            assert!(
-                setup.panic_at.is_none_or(|at| Instant::now() - Instant::MIN < at),
-                "the moment of --panic-at"
-            );
-            look(&contexts, &plugs);
-            let telemetry: Vec<Telemetry> = (0..count).map(|i| node.telemetry(i)).collect();
-            for (context, telemetry) in contexts.iter().zip(&telemetry) {
-                context.watch_recovery(telemetry);
-                context.note_hidden(false);
-            }
-            player.look();
-            let samples = contexts.iter().zip(&telemetry).enumerate().map(|(i, (context, telemetry))| {
-                let outputs = setup.valves.then(|| node.outputs(i));
-                let ecu = plugs.get(i).map(|plug| plug.ecu(|ecu| ecu.counts()));
-                Sample {
-                    missed_at_ecu: ecu.map_or(0, |ecu| ecu.late + ecu.unanswered),
-                    valve_open: outputs.map(|outputs| outputs.valve() == Valve::Open),
-                    power: outputs.map(|outputs| outputs.power()),
-                    ..Sample::take(context, telemetry, node.is_up())
-                }
-            });
-            let samples: Vec<Sample> = samples.collect();
-            let details = contexts.iter().zip(telemetry).enumerate().filter(|_| setup.details);
-            let details = details.map(|(i, (context, telemetry))| {
-                let start_demand = player.start_demand(i).filter(|_| setup.mavlink.is_none());
-                Detail {
-                    telemetry,
-                    config: node.config(i),
-                    start_demand,
-                    start_refusals: node.start_refusals(i, start_demand, setup.origin(context)),
-                    violations: context.violations.borrow().clone(),
-                    outputs: node.outputs(i),
-                    entries: context.tap.borrow_mut().take(),
-                    faults: player.faults(i),
-                }
-            });
-            let message =
-                Message::Samples { at: Instant::now(), samples: samples.clone(), details: details.collect() };
-            // A played run has no time of its own.
-            let ended = |complete: bool, over: bool| match setup.is_commanded() {
-                false if complete => End::Complete,
-                _ if player.is_played() => End::Complete,
-                _ if complete || over => End::Over,
-                _ => End::Interrupted,
-            };
-            if !notes.take().into_iter().map(Message::from).chain([message]).all(&mut show) {
-                end.replace(ended(shown_complete, shown_over));
-                return;
-            }
-
-            let played = || contexts.iter().any(|context| context.played.get());
-            let done = flown.iter().all(|flown| flown.borrow().is_some()) && !played();
-            if !done {
-                all_done_at = None;
-            }
-            // Where no pilot flies it is the time that ends the run.
-            let timed_out = setup.is_commanded()
-                && setup.plan.length.is_some_and(|length| Instant::now() >= Instant::MIN + length);
-            let complete = timed_out
-                || done && {
-                    let end = *all_done_at.get_or_insert(Instant::now() + AFTERWARDS);
-                    Instant::now() >= end
-                };
-            if complete && !shown_complete {
-                show(Message::Complete(Box::new(outcomes(ended(true, false)))));
-            }
-            shown_complete = complete;
-            loop {
-                let situation =
-                    Situation { at: Instant::now(), samples: &samples, complete, played: played() };
-                let turn = control.turn(&situation);
-                if let Some(pace) = turn.pace {
-                    clock::set_pace(pace);
-                }
-                turn.wishes.into_iter().for_each(|(engine, wish)| player.wish(engine, wish));
-                let passing = turn.passing.map(Message::Passing);
-                let go_on = notes.take().into_iter().map(Message::from).chain(passing).all(&mut show);
-                if turn.end || !go_on {
-                    end.replace(ended(complete, turn.over));
-                    return;
-                }
-                if turn.over && !shown_over {
-                    show(Message::Complete(Box::new(outcomes(ended(complete, true)))));
-                }
-                shown_over = turn.over;
-                if !turn.again {
-                    break;
-                }
-            }
-            ticker.next().await;
-        }
-    };
-    let world = until_done(watch, tasks);
-    let run = || {
-        wired::run(std::pin::pin!(with_node(
-            world,
-            &node,
-            &contexts,
-            &plugs,
-            &scenario_context,
-            &notes,
-            setup,
-        )));
-    };
+    let tasks = world.tasks(&mut seeds);
+    let until_end = until_done(
+        async {
+            end.replace(world.watch(control, &mut show).await);
+        },
+        tasks,
+    );
+    let run = || wired::run(std::pin::pin!(world.with_node(until_end)));
     // What was seen until a panic is still worth its summary. Nothing runs any more then.
     if let Err(panic) = catch_unwind(AssertUnwindSafe(run)) {
         let message = panic.downcast_ref::<&str>().map(|&message| message.to_owned());
@@ -349,7 +156,294 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
         show(message);
     }
 
-    outcomes(end.into_inner())
+    world.outcomes(end.into_inner())
+}
+
+/// All that a reset of the node leaves alone.
+struct World<'a> {
+    setup: &'a Setup,
+    node: &'a Node<'a>,
+    contexts: &'a [EngineContext<'a>],
+    plugs: &'a [Plug<AnyEcu>],
+    notes: &'a Notes,
+    scenario_context: &'a ScenarioContext<'a>,
+    player: &'a Player<'a>,
+    flown: &'a [Flown],
+}
+
+impl<'a> World<'a> {
+    /// The tasks that continue when the node is reset.
+    fn tasks(&'a self, seeds: &mut fastrand::Rng) -> Vec<Task<'a>> {
+        let mut tasks: Vec<Task<'_>> = self.plugs.iter().map(wired::line).collect();
+        if let Some(scenario) = self.setup.scenario {
+            for i in 0..self.contexts.len() {
+                tasks.push(Box::pin(clock::task(self.scenario_context.sit(i))));
+            }
+            for i in 0..self.contexts.len() {
+                tasks.push(Box::pin(clock::task(self.player.stop_until_taken(i))));
+            }
+            let script = scenario.script(self.scenario_context);
+            tasks.push(Box::pin(async move {
+                let result = script.await;
+                for flown in self.flown {
+                    flown.replace(Some(result.clone()));
+                }
+            }));
+        } else if self.setup.is_commanded() {
+            for context in self.contexts {
+                // What comes from outside may fall silent at any time.
+                if !self.setup.plays_again() {
+                    context.audit.borrow_mut().judge_no_orders();
+                }
+                tasks.push(Box::pin(self.commanded(context)));
+            }
+        } else {
+            for ((context, plan), flown) in self.contexts.iter().zip(&self.setup.plan.engines).zip(self.flown)
+            {
+                tasks.push(Box::pin(self.piloted(context, *plan, flown, seeds.u64(..))));
+            }
+        }
+        tasks.push(Box::pin(clock::task(disturb(self.setup, self.contexts, self.plugs, self.notes))));
+        if self.setup.valves {
+            tasks.push(Box::pin(clock::task(drive_valves(self.node, self.contexts, self.plugs))));
+        }
+        tasks
+    }
+
+    /// MAVLink or the transmitter commands the engine, and otherwise only a person at the keyboard.
+    async fn commanded(&self, context: &EngineContext<'_>) {
+        loop {
+            context.stage.set(Stage::Commanded);
+            self.player.taken(context.index).await;
+            self.player.drive(context.index).await;
+        }
+    }
+
+    /// A pilot flies the engine, until a person takes it.
+    async fn piloted(&self, context: &EngineContext<'_>, plan: EnginePlan, flown: &Flown, seed: u64) {
+        let in_standby = self.setup.plan.flown_by == FlownBy::PilotsInStandby;
+        loop {
+            let mut pilot = Pilot::new(context, self.node, plan, in_standby, &self.setup.faults, seed);
+            match select(clock::task(pilot.fly()), self.player.taken(context.index)).await {
+                Either::First(result) => {
+                    flown.replace(Some(result));
+                    select(clock::task(pilot.stay()), self.player.taken(context.index)).await;
+                }
+                Either::Second(()) => {}
+            }
+            flown.take();
+            context.failure.take();
+            self.player.drive(context.index).await;
+        }
+    }
+
+    /// Shows samples and lets `control` steer, until the run ends.
+    async fn watch(&self, control: &mut dyn Control, show: &mut dyn FnMut(Message) -> bool) -> End {
+        let mut ticker = Ticker::every(SAMPLE_EVERY);
+        let (mut all_done_at, mut shown_complete, mut shown_over) = (None, false, false);
+        loop {
+            assert!(
+                self.setup.panic_at.is_none_or(|at| Instant::now() - Instant::MIN < at),
+                "the moment of --panic-at"
+            );
+            let (samples, details) = self.sample();
+            let message = Message::Samples { at: Instant::now(), samples: samples.clone(), details };
+            if !self.notes.take().into_iter().map(Message::from).chain([message]).all(&mut *show) {
+                return self.ended(shown_complete, shown_over);
+            }
+
+            let done = self.flown.iter().all(|flown| flown.borrow().is_some()) && !self.is_played();
+            if !done {
+                all_done_at = None;
+            }
+            let complete = self.timed_out()
+                || done && {
+                    let end = *all_done_at.get_or_insert(Instant::now() + AFTERWARDS);
+                    Instant::now() >= end
+                };
+            if complete && !shown_complete {
+                show(Message::Complete(Box::new(self.outcomes(self.ended(true, false)))));
+            }
+            shown_complete = complete;
+            loop {
+                let played = self.is_played();
+                let turn =
+                    control.turn(&Situation { at: Instant::now(), samples: &samples, complete, played });
+                if let Some(pace) = turn.pace {
+                    clock::set_pace(pace);
+                }
+                turn.wishes.into_iter().for_each(|(engine, wish)| self.player.wish(engine, wish));
+                let passing = turn.passing.map(Message::Passing);
+                let go_on = self.notes.take().into_iter().map(Message::from).chain(passing).all(&mut *show);
+                if turn.end || !go_on {
+                    return self.ended(complete, turn.over);
+                }
+                if turn.over && !shown_over {
+                    show(Message::Complete(Box::new(self.outcomes(self.ended(complete, true)))));
+                }
+                shown_over = turn.over;
+                if !turn.again {
+                    break;
+                }
+            }
+            ticker.next().await;
+        }
+    }
+
+    /// What is to be shown of each engine now; its details only where somebody looks at them.
+    fn sample(&self) -> (Vec<Sample>, Vec<Detail>) {
+        look(self.contexts, self.plugs);
+        let telemetry: Vec<Telemetry> = (0..self.contexts.len()).map(|i| self.node.telemetry(i)).collect();
+        for (context, telemetry) in self.contexts.iter().zip(&telemetry) {
+            context.watch_recovery(telemetry);
+            context.note_hidden(false);
+        }
+        self.player.look();
+        let samples = self.contexts.iter().zip(&telemetry).map(|(context, telemetry)| {
+            let outputs = self.setup.valves.then(|| self.node.outputs(context.index));
+            let ecu = self.plugs.get(context.index).map(|plug| plug.ecu(|ecu| ecu.counts()));
+            Sample {
+                missed_at_ecu: ecu.map_or(0, |ecu| ecu.late + ecu.unanswered),
+                valve_open: outputs.map(|outputs| outputs.valve() == Valve::Open),
+                power: outputs.map(|outputs| outputs.power()),
+                ..Sample::take(context, telemetry, self.node.is_up())
+            }
+        });
+        let samples = samples.collect();
+        let details = self.contexts.iter().zip(telemetry).filter(|_| self.setup.details);
+        (samples, details.map(|(context, telemetry)| self.detail(context, telemetry)).collect())
+    }
+
+    fn detail(&self, context: &EngineContext<'_>, telemetry: Telemetry) -> Detail {
+        let engine = context.index;
+        let start_demand = self.player.start_demand(engine).filter(|_| self.setup.mavlink.is_none());
+        let origin = self.setup.origin(context);
+        Detail {
+            telemetry,
+            config: self.node.config(engine),
+            start_demand,
+            start_refusals: self.node.start_refusals(engine, start_demand, origin),
+            violations: context.violations.borrow().clone(),
+            outputs: self.node.outputs(engine),
+            entries: context.tap.borrow_mut().take(),
+            faults: self.player.faults(engine),
+        }
+    }
+
+    /// Whether a person has taken an engine.
+    fn is_played(&self) -> bool {
+        self.contexts.iter().any(|context| context.played.get())
+    }
+
+    /// Where no pilot flies it is the time that ends the run.
+    fn timed_out(&self) -> bool {
+        self.setup.is_commanded()
+            && self.setup.plan.length.is_some_and(|length| Instant::now() >= Instant::MIN + length)
+    }
+
+    fn ended(&self, complete: bool, over: bool) -> End {
+        match self.setup.is_commanded() {
+            false if complete => End::Complete,
+            // A played run has no time of its own.
+            _ if self.player.is_played() => End::Complete,
+            _ if complete || over => End::Over,
+            _ => End::Interrupted,
+        }
+    }
+
+    fn outcomes(&self, end: End) -> Outcomes {
+        let engines = self.contexts.iter().zip(self.plugs).zip(self.flown);
+        Outcomes {
+            engines: engines.map(|((context, plug), flown)| self.outcome(context, plug, flown)).collect(),
+            length: Instant::now() - Instant::MIN,
+            end,
+            checks: self.scenario_context.checks(),
+            bad_commands: self.setup.scenario.map_or(0, |scenario| scenario.bad_commands),
+            actions: self.player.kept(),
+            reception: self.setup.radio.as_ref().map(Radio::reception),
+            is_scenario: self.setup.scenario.is_some(),
+        }
+    }
+
+    fn outcome(&self, context: &EngineContext<'_>, plug: &Plug<AnyEcu>, flown: &Flown) -> Outcome {
+        let telemetry = self.node.telemetry(context.index);
+        let flown = flown.borrow().clone();
+        Outcome {
+            has_pilot: !self.setup.is_commanded(),
+            name: context.engine.name(),
+            has_reply_window: context.engine.ecu.protocol().has_reply_window(),
+            // A pilot that has given up still waits for its engine to cool.
+            flown: flown.or_else(|| context.failure.borrow().clone().map(Err)),
+            played: self.player.verdict(context.index),
+            node: telemetry.counters,
+            commands_rejected: telemetry.counters.commands_rejected,
+            link: telemetry.link,
+            ecu: plug.ecu(|ecu| ecu.counts()),
+            audit: context.audit.borrow().clone(),
+            stops: context.stops.get(),
+            recovered_after: context.recovered_after.get(),
+            // The script of a scenario judges its lines itself.
+            line_was_clean: self.setup.faults.line_is_clean(context.index) && self.setup.scenario.is_none(),
+            is_live: plug.ecu(|ecu| ecu.turbine().phase().is_live()),
+        }
+    }
+
+    /// Runs the node until `until_end` is done, and starts it again whenever it is reset: its tasks and its channels are
+    /// dropped then, and nothing is left of them but what is in its memory.
+    async fn with_node(&self, until_end: impl Future<Output = ()>) {
+        let mut until_end = std::pin::pin!(until_end);
+        loop {
+            let Some(reset) = self.one_life(until_end.as_mut()).await else { return };
+            // From here on there is no channel: neither the tasks of that life nor the node holds one.
+            look(self.contexts, self.plugs);
+            self.node.gone(reset);
+            for (context, plug) in self.contexts.iter().zip(self.plugs) {
+                let _ = plug.reset_node();
+                context.audit.borrow_mut().reset(clock::now_ns());
+                context.disturb(plug, By::Node, Fault::Reset, true);
+            }
+            match select(Timer::after(reset.away), until_end.as_mut()).await {
+                Either::First(()) => {}
+                Either::Second(()) => return,
+            }
+            for (context, plug) in self.contexts.iter().zip(self.plugs) {
+                context.disturb(plug, By::Node, Fault::Reset, false);
+            }
+        }
+    }
+
+    /// The node from its start to its reset; `None` at the end of the run.
+    async fn one_life(&self, until_end: Pin<&mut impl Future<Output = ()>>) -> Option<Reset> {
+        let channels = self.node.boot();
+        self.notes
+            .add(None, "the node has started: it listens to the engines before it obeys run or standby");
+        let errors: Vec<LineErrors> = channels.iter().map(|_| LineErrors::new()).collect();
+        let receiver = self.setup.radio.as_ref().map(|radio| radio.begin(self.node, &channels));
+        let mut tasks: Vec<Task<'_>> = Vec::new();
+        for (((channel, context), plug), errors) in
+            channels.iter().zip(self.contexts).zip(self.plugs).zip(&errors)
+        {
+            let (rx, tx) = plug.reset_node();
+            // The listeners first: nobody must command before events are received.
+            if let Some(events) = channel.handle().events() {
+                tasks.push(Box::pin(clock::task(listen(events, context, plug, self.scenario_context))));
+            }
+            tasks.push(wired::runner(channel.runner_in(&channels), rx, tx, errors));
+        }
+        let radio = self.setup.radio.as_ref().zip(receiver.as_ref());
+        if let Some(mavlink) = &self.setup.mavlink {
+            tasks.push(Box::pin(mavlink.serve(self.node, &channels, radio)));
+        }
+        if let Some((radio, receiver)) = radio {
+            tasks.push(Box::pin(radio.serve(receiver, self.contexts)));
+        }
+        let reset = Cell::new(None);
+        let away = async { reset.set(Some(self.node.wanted().await)) };
+        match select(until_done(away, tasks), until_end).await {
+            Either::First(()) => reset.take(),
+            Either::Second(()) => None,
+        }
+    }
 }
 
 /// Follows the outputs, notes their changes, and cuts the fuel of an engine whose valve is closed.
@@ -372,77 +466,6 @@ async fn drive_valves(node: &Node<'_>, contexts: &[EngineContext<'_>], plugs: &[
             }
         }
         ticker.next().await;
-    }
-}
-
-/// Runs the node until the world ends, and starts it again whenever it is reset: its tasks and its channels are
-/// dropped then, and nothing is left of them but what is in its memory.
-async fn with_node(
-    world: impl Future<Output = ()>,
-    node: &Node<'_>,
-    contexts: &[EngineContext<'_>],
-    plugs: &[Plug<AnyEcu>],
-    scenario_context: &ScenarioContext<'_>,
-    notes: &Notes,
-    setup: &Setup,
-) {
-    let mut world = std::pin::pin!(world);
-    loop {
-        let reset = {
-            let channels = node.boot();
-            notes.add(None, "the node has started: it listens to the engines before it obeys run or standby");
-            let errors: Vec<LineErrors> = channels.iter().map(|_| LineErrors::new()).collect();
-            let receiver = setup.radio.as_ref().map(|radio| radio.begin(node, &channels));
-            let mut tasks: Vec<Task<'_>> = Vec::new();
-            for (((channel, context), plug), errors) in channels.iter().zip(contexts).zip(plugs).zip(&errors)
-            {
-                let (rx, tx) = plug.reset_node();
-                // The listeners first: nobody must command before events are received.
-                if let Some(events) = channel.handle().events() {
-                    tasks.push(Box::pin(clock::task(listen(events, context, plug, scenario_context))));
-                }
-                let runner = channel.runner_in(&channels);
-                tasks.push(wired::runner(runner, rx, tx, errors));
-            }
-            if let Some(mavlink) = &setup.mavlink {
-                let radio = setup.radio.as_ref().zip(receiver.as_ref());
-                tasks.push(Box::pin(mavlink.serve(node, &channels, radio)));
-            }
-            if let Some((radio, receiver)) = setup.radio.as_ref().zip(receiver.as_ref()) {
-                tasks.push(Box::pin(radio.serve(receiver, contexts)));
-            }
-            let reset = Cell::new(None);
-            let away = async { reset.set(Some(node.wanted().await)) };
-            let mut boot = std::pin::pin!(until_done(away, tasks));
-            let over = poll_fn(|cx| match boot.as_mut().poll(cx) {
-                Poll::Ready(()) => Poll::Ready(false),
-                Poll::Pending => world.as_mut().poll(cx).map(|()| true),
-            });
-            if over.await {
-                return;
-            }
-            reset.take()
-        };
-        // From here on there is no channel: neither the tasks above nor the node holds one.
-        let Some(reset) = reset else { return };
-        look(contexts, plugs);
-        node.gone(reset);
-        for (context, plug) in contexts.iter().zip(plugs) {
-            let _ = plug.reset_node();
-            context.audit.borrow_mut().reset(clock::now_ns());
-            context.disturb(plug, By::Node, Fault::Reset, true);
-        }
-        let mut back = std::pin::pin!(Timer::after(reset.away));
-        let over = poll_fn(|cx| match back.as_mut().poll(cx) {
-            Poll::Ready(()) => Poll::Ready(false),
-            Poll::Pending => world.as_mut().poll(cx).map(|()| true),
-        });
-        if over.await {
-            return;
-        }
-        for (context, plug) in contexts.iter().zip(plugs) {
-            context.disturb(plug, By::Node, Fault::Reset, false);
-        }
     }
 }
 

@@ -91,7 +91,7 @@ fn most_urgent(
         };
     }
     if let Some(name) = first(&|sample| matches!(sample.order, Order::Doubt(_))) {
-        return format!("{name}: in doubt whether it runs; nothing that could start it is sent");
+        return format!("{name}: in doubt whether it runs; the demand may be withheld");
     }
     if let Some(name) = first(&|sample| sample.silent) {
         return format!("{name}'s source has fallen silent");

@@ -161,6 +161,9 @@ pub fn text(outcomes: &Outcomes, problems: &[String], ended_by: Option<EndedBy>,
         }
     }
 
+    if let Some(reception) = outcomes.reception {
+        text += &format!("  radio control: {reception}\n");
+    }
     if !outcomes.checks.is_empty() {
         text += "\nExpected events, by what was on the wires and what the simulated engines did\n";
         for check in &outcomes.checks {
@@ -252,6 +255,7 @@ mod tests {
             checks,
             bad_commands: 0,
             actions: Vec::new(),
+            reception: None,
             is_scenario: true,
         };
         let good = outcomes(vec![check(true)]);

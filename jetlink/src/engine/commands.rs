@@ -5,8 +5,9 @@
 //! any source's change to standby. Only a start that has to wait for another engine keeps it: it waits for at most 180 s
 //! while its source stays in control, and every interlock is checked again when it begins.
 
-use super::data::{Beginning, Engine, FuelService, Mode, OpenPump, StartWait, slot};
+use super::data::{Beginning, Engine, FuelService, Mode, OpenPump, StartWait};
 use super::life::Life;
+use super::origins::Origins;
 use super::run::Run;
 use super::sources::Intent;
 use super::state::{self, EngineState};
@@ -58,16 +59,12 @@ impl Engine {
 
     /// Arms the engine. After an emergency stop a source that keeps commanding "arm" has to disarm first.
     fn arm(&mut self, origin: Origin) -> Result<Accepted, Rejected> {
-        if let Some(commanded) = slot(&mut self.arm_commanded, origin) {
-            *commanded = true;
-        }
+        self.arm_commanded.insert(origin);
         if matches!(self.mode, Mode::Stop(_)) {
-            if let Some(must) = slot(&mut self.must_disarm, origin) {
-                *must = true;
-            }
+            self.must_disarm.insert(origin);
             return Err(Rejected::StopLatched);
         }
-        if slot(&mut self.must_disarm, origin).is_some_and(|must| *must) {
+        if self.must_disarm.contains(origin) {
             return Err(Rejected::DisarmFirst);
         }
         if !core::mem::replace(&mut self.armed, true) {
@@ -78,16 +75,13 @@ impl Engine {
 
     /// Disarms. Ends a start that has not reached running, never a running engine.
     fn disarm(&mut self, now: Instant, origin: Origin) {
-        for table in [&mut self.arm_commanded, &mut self.must_disarm] {
-            if let Some(flag) = slot(table, origin) {
-                *flag = false;
-            }
-        }
+        self.arm_commanded.remove(origin);
+        self.must_disarm.remove(origin);
         if core::mem::replace(&mut self.armed, false) {
             self.event(Event::Armed(false, origin));
             self.close_pump_again();
         }
-        self.permitted = [false; Origin::ALL.len()];
+        self.permitted = Origins::NONE;
         self.start_wait = None;
         self.close_pump();
         let starting = match &self.mode {
@@ -127,7 +121,7 @@ impl Engine {
             return Ok(Accepted::RepeatStandby);
         }
         if outcome.changed {
-            self.permitted = [false; Origin::ALL.len()];
+            self.permitted = Origins::NONE;
             self.start_wait = None;
         }
         let above = self.sources.above(now, origin);
@@ -273,7 +267,7 @@ impl Engine {
         if !matches!(self.mode, Mode::Standby) {
             return Err(Rejected::StandbyFirst);
         }
-        if !slot(&mut self.permitted, origin).is_some_and(|permitted| *permitted) {
+        if !self.permitted.contains(origin) {
             return Err(Rejected::StandbyFirst);
         }
         match interlocks(self) {
@@ -308,7 +302,7 @@ impl Engine {
         // A source that was lost has to stream standby again until it is in control.
         let permitted = self.sources.in_control(now, origin)
             && matches!(self.mode, Mode::Standby)
-            && slot(&mut self.permitted, origin).is_some_and(|permitted| *permitted);
+            && self.permitted.contains(origin);
         let result = if permitted {
             self.interlocks(now, idle, others_allow_start, Err)
                 .map_err(|interlock| self.refusal(interlock, origin))
@@ -316,7 +310,7 @@ impl Engine {
             Err(Rejected::StandbyFirst)
         };
         let result = result.and_then(|()| self.order_pwm(now));
-        self.permitted = [false; Origin::ALL.len()];
+        self.permitted = Origins::NONE;
         result?;
         self.hand_over(Life::ordered(), Some(now + self.start_time()), origin);
         self.last_start = Some(now);
@@ -360,10 +354,11 @@ impl Engine {
     }
 
     /// End of a service that moves fuel or heats: a stream of them has one time, from its first command on. It ends with a
-    /// pause that is longer than the source's timeout.
+    /// pause that is longer than the source's timeout, but not while the pump is open.
     fn fuel_service_ends(&mut self, now: Instant, origin: Origin) -> Instant {
         let timeout = self.config.timeouts.of(origin);
-        let since = self.fuel_service.filter(|before| now < before.last_rx + timeout);
+        let open = self.pump.is_some();
+        let since = self.fuel_service.filter(|before| open || now < before.last_rx + timeout);
         let since = since.map_or(now, |before| before.since);
         self.fuel_service = Some(FuelService { since, last_rx: now });
         since + self.config.service_time
@@ -500,9 +495,6 @@ impl Engine {
         others_allow_start: bool,
         mut found: impl FnMut(Rejected),
     ) {
-        let of_source = |table: &[bool; Origin::ALL.len()]| {
-            Origin::ALL.into_iter().zip(table).any(|(place, flag)| place == origin && *flag)
-        };
         match &self.mode {
             Mode::Stop(_) => found(Rejected::StopLatched),
             Mode::Listen(_) if self.link.status().state == LinkState::Lost => found(Rejected::NoLink),
@@ -515,7 +507,7 @@ impl Engine {
         if let Some(above) = self.sources.above(now, origin) {
             found(Rejected::Behind(above));
         }
-        if !matches!(self.mode, Mode::Standby) || !of_source(&self.permitted) {
+        if !matches!(self.mode, Mode::Standby) || !self.permitted.contains(origin) {
             found(Rejected::StandbyFirst);
         }
         // Each is found, so there is no first one.
@@ -527,11 +519,8 @@ impl Engine {
 
     /// What a source has to do about an interlock: one that has to disarm first cannot just arm.
     fn refusal(&self, interlock: Interlock, origin: Origin) -> Rejected {
-        let must_disarm = Origin::ALL.into_iter().zip(&self.must_disarm);
         match interlock {
-            Interlock::NotArmed if must_disarm.into_iter().any(|(of, must)| of == origin && *must) => {
-                Rejected::DisarmFirst
-            }
+            Interlock::NotArmed if self.must_disarm.contains(origin) => Rejected::DisarmFirst,
             interlock => Rejected::Start(interlock),
         }
     }
@@ -541,7 +530,7 @@ impl Engine {
         let time = self.config.start.link_stable;
         let stable = self.link.status().up_since.is_some_and(|since| now >= since + time);
         // A gap counts before it is a loss of the link.
-        let steady = self.last_gap.is_none_or(|gap| now >= gap + time);
+        let steady = self.last_gap.is_none_or(|gap| gap.checked_add(time).is_some_and(|at| now >= at));
         let receiving = self.link.status().state == LinkState::Up && self.link.gap_at().is_some();
         if stable && steady && receiving { Ok(()) } else { Err(Interlock::Link) }
     }
@@ -568,7 +557,7 @@ impl Engine {
 
     /// Stores the last refusal of a source and returns the previous one.
     pub(super) fn note_rejection(&mut self, origin: Origin, why: Option<Rejected>) -> Option<Rejected> {
-        let slot = Origin::ALL.into_iter().zip(&mut self.last_rejection).find(|(place, _)| *place == origin);
-        slot.and_then(|(_, last)| core::mem::replace(last, why))
+        let last = self.last_rejection.get_mut(usize::from(origin.priority()));
+        last.and_then(|last| core::mem::replace(last, why))
     }
 }

@@ -294,7 +294,7 @@ macro_rules! groups {
             }
         }
 
-        // `Supervision` is listed and no group of itself; the optional group stands apart.
+        // `Supervision` is listed and no group of itself; the optional group is listed separately.
         const _: () = assert!(
             Supervision::GROUPS == [$( stringify!($group) ),*].len(),
             "a group of `Supervision` is not in `groups!`"

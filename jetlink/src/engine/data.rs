@@ -4,6 +4,7 @@ use super::config::{START_TIMEOUT, Supervision};
 use super::exhaust::Exhaust;
 use super::life::{Finding, Life};
 use super::limits::LimitMonitor;
+use super::origins::Origins;
 use super::retained::RetainedState;
 use super::run::Run;
 use super::sources::Sources;
@@ -95,14 +96,15 @@ pub struct Engine {
     pub(super) ordered: Ordered,
     pub(super) armed: bool,
     /// Sources whose standby permits their next run to start the engine, in the order of [`Origin::ALL`].
-    pub(super) permitted: [bool; Origin::ALL.len()],
+    pub(super) permitted: Origins,
     /// Sources that last commanded "arm", and those that have to disarm before their "arm" counts again.
-    pub(super) arm_commanded: [bool; Origin::ALL.len()],
-    pub(super) must_disarm: [bool; Origin::ALL.len()],
+    pub(super) arm_commanded: Origins,
+    pub(super) must_disarm: Origins,
     pub(super) start_wait: Option<StartWait>,
     /// Time of the last start.
     pub(super) last_start: Option<Instant>,
-    /// Last time at which three expected frames were missing or the ECU reported its power-up: it may have restarted.
+    /// End of the last gap of three expected frames, or the last power-up that the ECU reported: it may have restarted.
+    /// [`Instant::MAX`] while a gap lasts.
     pub(super) last_gap: Option<Instant>,
     pub(super) pump: Option<OpenPump>,
     /// Supply voltage that the board measures.
@@ -155,6 +157,8 @@ pub struct Engine {
 
 impl Engine {
     /// An engine without an order.
+    // Not inlined: on the stack of whoever builds a node its fields would be too far away for short instructions.
+    #[inline(never)]
     pub fn new(config: &EngineConfig) -> Self {
         Self {
             link: AnyLink::new(&config.ecu, config.line, config.timing),
@@ -166,9 +170,9 @@ impl Engine {
             mode: Mode::Listen(Finding::new(Instant::MIN, false)),
             ordered: Ordered { order: Order::Listen, origin: Origin::Node },
             armed: false,
-            permitted: [false; Origin::ALL.len()],
-            arm_commanded: [false; Origin::ALL.len()],
-            must_disarm: [false; Origin::ALL.len()],
+            permitted: Origins::NONE,
+            arm_commanded: Origins::NONE,
+            must_disarm: Origins::NONE,
             start_wait: None,
             last_start: None,
             last_gap: None,
@@ -229,13 +233,9 @@ impl Engine {
 }
 
 /// Queues an event, or counts it as dropped if the queue is full.
+#[inline(never)]
 pub(super) fn queue(events: &mut Deque<Event, 12>, dropped: &mut u32, event: Event) {
     if events.push_back(event).is_err() {
         bump(dropped);
     }
-}
-
-/// The entry of a source in a table in the order of [`Origin::ALL`].
-pub(super) fn slot<T>(table: &mut [T; Origin::ALL.len()], origin: Origin) -> Option<&mut T> {
-    Origin::ALL.into_iter().zip(table).find(|(place, _)| *place == origin).map(|(_, slot)| slot)
 }

@@ -68,7 +68,8 @@ impl Engine {
             _ => finding.silent_since,
         };
         let after = self.config.loss.hold + self.config.loss.standby_after.unwrap_or(RUN_OUT);
-        silent_from
-            .checked_add(Duration::from_ticks(after.as_ticks().saturating_sub(finding.carried.as_ticks())))
+        // What is carried began with the last command, the stages of loss with the end of its source's timeout.
+        let counted = finding.carried.as_ticks().saturating_sub(self.config.timeouts.longest().as_ticks());
+        silent_from.checked_add(Duration::from_ticks(after.as_ticks().saturating_sub(counted)))
     }
 }

@@ -39,6 +39,15 @@ pub(super) enum Burning {
     NotReadable,
 }
 
+/// Whether a fall is expected: the demand was lowered within [`FALL_EXPECTED`].
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Fall {
+    NotExpected,
+    Expected,
+    /// The ECU reports a running engine, so nothing depends on the exhaust, and the fall needs no excuse.
+    ExpectedOfRunning,
+}
+
 /// The exhaust of one engine.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Exhaust {
@@ -91,10 +100,9 @@ impl Exhaust {
         egt >= PLAUSIBLE.0 && egt <= PLAUSIBLE.1
     }
 
-    /// Takes one value; `None` where the ECU reports its sensor as faulty. `lowered`: the demand was lowered within
-    /// [`FALL_EXPECTED`]. `reported`: the ECU reports a running engine, so that nothing depends on the exhaust.
-    pub fn observe(&mut self, now: Instant, egt: Option<Celsius>, lowered: bool, reported: bool) {
-        let commanded = self.excuse(now, lowered, reported);
+    /// Takes one value; `None` where the ECU reports its sensor as faulty.
+    pub fn observe(&mut self, now: Instant, egt: Option<Celsius>, fall: Fall) {
+        let commanded = self.excuse(now, fall);
         let Some(egt) = egt else {
             // Values from before and after its fault have to fit together, as any two have.
             *self = Self { distrusted: self.distrusted, last: self.last, ..self.unread() };
@@ -151,13 +159,13 @@ impl Exhaust {
 
     /// Whether a lower demand excuses a fall. The excuse is used up by as much time as it was needed for, and comes back by as much
     /// as it was not: a demand that goes up and down does not excuse a cold exhaust for ever.
-    fn excuse(&mut self, now: Instant, lowered: bool, reported: bool) -> bool {
+    fn excuse(&mut self, now: Instant, fall: Fall) -> bool {
         let passed = self.seen.replace(now).map_or(0, |seen| now.saturating_duration_since(seen).as_ticks());
         let used = self.excused.as_ticks();
-        let needed = lowered && !reported;
-        let used = if needed { used.saturating_add(passed) } else { used.saturating_sub(passed) };
+        let used =
+            if fall == Fall::Expected { used.saturating_add(passed) } else { used.saturating_sub(passed) };
         self.excused = Duration::from_ticks(used.min(EXCUSED_MAX.as_ticks()));
-        lowered && self.excused < EXCUSED_MAX
+        fall != Fall::NotExpected && self.excused < EXCUSED_MAX
     }
 
     /// Nothing is known of the exhaust any more, and a cold value counts only after two hot ones.
@@ -182,7 +190,7 @@ mod tests {
 
     fn run(exhaust: &mut Exhaust, from: u64, until: u64, egt: impl Fn(u64) -> i16) {
         for millis in (from..until).step_by(125) {
-            exhaust.observe(at(millis), Some(Celsius::from_tenths(egt(millis) * 10)), false, false);
+            exhaust.observe(at(millis), Some(Celsius::from_tenths(egt(millis) * 10)), Fall::NotExpected);
         }
     }
 
@@ -207,7 +215,7 @@ mod tests {
         for (tenths, burning) in [(3000, Burning::No), (3001, Burning::Yes)] {
             let mut exhaust = limit();
             for millis in [0, 125] {
-                exhaust.observe(at(millis), Some(Celsius::from_tenths(tenths)), false, false);
+                exhaust.observe(at(millis), Some(Celsius::from_tenths(tenths)), Fall::NotExpected);
             }
             assert_eq!(exhaust.burning(), burning, "{tenths}");
         }
@@ -220,7 +228,7 @@ mod tests {
             let mut exhaust = limit();
             run(&mut exhaust, 0, 1000, |_| 700);
             for millis in (1000..1000 + faulty).step_by(125) {
-                exhaust.observe(at(millis), None, false, false);
+                exhaust.observe(at(millis), None, Fall::NotExpected);
                 assert_eq!(exhaust.burning(), Burning::NotReadable);
             }
             run(&mut exhaust, 1000 + faulty, 3000 + faulty, |_| 100);
@@ -234,19 +242,30 @@ mod tests {
         let mut ended = None;
         for millis in (0..30_000).step_by(125) {
             // Lowered for 5 s, then 0.25 s of nothing.
-            let lowered = millis % 5250 < 5000;
-            exhaust.observe(at(millis), Some(Celsius::from_tenths(1000)), lowered, false);
+            let fall = if millis % 5250 < 5000 { Fall::Expected } else { Fall::NotExpected };
+            exhaust.observe(at(millis), Some(Celsius::from_tenths(1000)), fall);
             ended = ended.or((exhaust.burning() == Burning::No).then_some(millis));
         }
         assert!(ended.is_some_and(|millis| millis < 17_000), "{ended:?}");
     }
 
     #[test]
+    fn a_fall_uses_up_its_excuse_only_where_the_exhaust_decides() {
+        for (fall, burning) in [(Fall::Expected, Burning::No), (Fall::ExpectedOfRunning, Burning::NotKnown)] {
+            let mut exhaust = limit();
+            for millis in (0..20_000).step_by(125) {
+                exhaust.observe(at(millis), Some(Celsius::from_tenths(1000)), fall);
+            }
+            assert_eq!(exhaust.burning(), burning, "{fall:?}");
+        }
+    }
+
+    #[test]
     fn a_sensor_that_failed_is_trusted_after_two_hot_values() {
         let mut exhaust = limit();
-        exhaust.observe(at(0), Some(Celsius::from_tenths(-500)), false, false);
+        exhaust.observe(at(0), Some(Celsius::from_tenths(-500)), Fall::NotExpected);
         for (millis, burning) in [(125, Burning::NotReadable), (250, Burning::Yes)] {
-            exhaust.observe(at(millis), Some(Celsius::from_tenths(6000)), false, false);
+            exhaust.observe(at(millis), Some(Celsius::from_tenths(6000)), Fall::NotExpected);
             assert_eq!(exhaust.burning(), burning, "{millis} ms");
         }
     }
@@ -279,7 +298,7 @@ mod tests {
         run(&mut exhaust, 0, 5000, |_| 700);
         for millis in (5000..9800).step_by(125) {
             let egt = Celsius::from_tenths(7000 - (millis as i16 - 5000) / 5);
-            exhaust.observe(at(millis), Some(egt), true, false);
+            exhaust.observe(at(millis), Some(egt), Fall::Expected);
         }
         assert_eq!(exhaust.burning(), Burning::Yes);
     }
@@ -289,7 +308,7 @@ mod tests {
         for broken in [Some(Celsius::from_tenths(-500)), Some(Celsius::from_tenths(200)), None] {
             let mut exhaust = limit();
             run(&mut exhaust, 0, 1000, |_| 700);
-            exhaust.observe(at(1000), broken, false, false);
+            exhaust.observe(at(1000), broken, Fall::NotExpected);
             run(&mut exhaust, 1125, 3000, |_| 20);
             assert_eq!(exhaust.burning(), Burning::NotReadable, "{broken:?}");
             run(&mut exhaust, 3000, 3500, |_| 700);

@@ -1,6 +1,7 @@
 //! What one frame says about the life of the engine, and the engine that is found running.
 
 use super::data::{Beginning, Engine, Mode, RESETS_MAX};
+use super::exhaust::Fall;
 use super::life::{Finding, Found, Life};
 use super::run::Run;
 use super::sources::Intent;
@@ -16,7 +17,8 @@ const THROTTLE_MAX_AGE: Duration = Duration::from_secs(3);
 impl Engine {
     /// Judges what one frame says about the life of the engine, before its reply is handed out.
     pub(super) fn judge(&mut self, now: Instant, sign: Sign) {
-        if sign == Sign::PowerUp {
+        // A gap ends with the first frame behind it.
+        if sign == Sign::PowerUp || self.last_gap == Some(Instant::MAX) {
             self.last_gap = Some(now);
         }
         self.observe_exhaust(now, sign);
@@ -60,8 +62,12 @@ impl Engine {
             Mode::Run(run) => run.lowered.fall_expected(now).as_ticks() > 0,
             _ => false,
         };
-        let reported = matches!(sign, Sign::State { stage: Stage::Running, turning: Some(true), .. });
-        self.exhaust.observe(now, egt, lowered, reported);
+        let fall = match sign {
+            _ if !lowered => Fall::NotExpected,
+            Sign::State { stage: Stage::Running, turning: Some(true), .. } => Fall::ExpectedOfRunning,
+            _ => Fall::Expected,
+        };
+        self.exhaust.observe(now, egt, fall);
     }
 
     /// Acts on the result of a search for a running engine.

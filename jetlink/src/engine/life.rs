@@ -51,8 +51,9 @@ struct Doubt {
     faults: bool,
     /// Since then the exhaust of an ECU that sends only faults was that of a burning engine.
     burned: bool,
-    /// The last frame with a state was not to be answered (AMT).
-    withheld: bool,
+    /// Sets that were not to be answered (AMT): 1 if the last one with a state was not; consecutive reports of rest or start
+    /// clearance, with which no engine runs, are counted up to [`AGREEING`].
+    withheld: u8,
     confirming: u8,
     ending: u8,
 }
@@ -67,7 +68,7 @@ impl Doubt {
             cause: Cause::Report,
             faults: false,
             burned: false,
-            withheld: false,
+            withheld: 0,
             confirming: 0,
             ending: 0,
         }
@@ -267,8 +268,14 @@ impl Life {
         };
         let end = end.or_else(|| self.fault_end(exhaust));
         self.answers = end.is_none() && self.may_answer(sign, fit, exhaust);
-        if let (Sign::State { .. }, Some(doubt)) = (sign, &mut self.doubt) {
-            doubt.withheld = !self.answers;
+        if let Some(doubt) = &mut self.doubt {
+            doubt.withheld = match sign {
+                Sign::State { stage, .. } if stage <= Stage::Clearance => AGREEING.min(doubt.withheld + 1),
+                Sign::State { .. } => u8::from(!self.answers),
+                // One report between error sets may be odd.
+                Sign::Faulted { .. } => doubt.withheld & AGREEING,
+                _ => doubt.withheld,
+            };
         }
         end
     }
@@ -420,9 +427,11 @@ impl Life {
                     && (!doubt.faults || stage == Stage::Running)
             }
             // Damaged values are no gap: without replies during a second of noise the ECU would stop the engine.
-            Sign::Damaged => !doubt.after_gap(),
+            Sign::Damaged => !doubt.after_gap() && doubt.withheld < AGREEING,
             // It adds nothing to the last set that had a state.
-            Sign::Stateless => !doubt.after_gap() && !doubt.withheld,
+            Sign::Stateless => !doubt.after_gap() && doubt.withheld == 0,
+            // The ECU has reported that its engine does not run, and its exhaust may be hot yet.
+            Sign::Faulted { .. } if doubt.withheld >= AGREEING => false,
             Sign::Faulted { .. } => match (doubt.cause, exhaust) {
                 (_, Burning::Yes) => true,
                 (_, Burning::No) => false,

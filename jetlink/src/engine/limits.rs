@@ -35,16 +35,25 @@ struct Consecutive {
 impl Consecutive {
     const NEVER: Self = Self { beyond: 0, violation: None };
 
-    /// Takes one value: beyond the limit, with its violation, or within it. Returns the violation once, at the second
-    /// consecutive value.
-    fn observe(&mut self, beyond: Option<LimitViolation>, action: Action) -> Option<LimitViolation> {
-        self.beyond = if beyond.is_some() { self.beyond.saturating_add(1).min(3) } else { 0 };
-        match beyond {
-            None => self.violation = None,
-            Some(violation) if self.beyond == 2 => self.violation = Some((violation.kind, action)),
-            Some(_) => {}
+    /// Takes one value, with the violation that it is if it is beyond the limit. `found` gets the violation once, at the second
+    /// consecutive value. Not inlined: every limit calls it.
+    #[inline(never)]
+    fn observe(
+        &mut self,
+        beyond: bool,
+        violation: LimitViolation,
+        action: Action,
+        found: &mut dyn FnMut(LimitViolation),
+    ) {
+        if !beyond {
+            *self = Self::NEVER;
+            return;
         }
-        beyond.filter(|_| self.beyond == 2)
+        self.beyond = self.beyond.saturating_add(1).min(3);
+        if self.beyond == 2 {
+            self.violation = Some((violation.kind, action));
+            found(violation);
+        }
     }
 }
 
@@ -171,10 +180,7 @@ impl LimitMonitor {
             if let Some(limit) = self.limits.supply_low.at {
                 let voltage = supply.value;
                 let violation = LimitViolation::new(LimitKind::SupplyLow, voltage.get(), limit.get(), now);
-                let confirmed = self
-                    .supply_low
-                    .observe((voltage < limit).then_some(violation), self.limits.supply_low.action);
-                confirmed.into_iter().for_each(&mut *found);
+                self.supply_low.observe(voltage < limit, violation, self.limits.supply_low.action, found);
             }
         }
         if let Some(faults) = report.faults.filter(|faults| self.fault_seen != Some(faults.at)) {
@@ -185,14 +191,15 @@ impl LimitMonitor {
                 self.fault.beyond = 0;
             }
             let before = self.fault.violation.map(|_| self.fault_reported);
-            let violation =
-                fault.map(|number| LimitViolation::new(LimitKind::EcuFault, u32::from(number), 0, now));
-            if let Some(confirmed) = self.fault.observe(violation, self.limits.ecu_fault) {
-                self.fault_reported = confirmed.value;
+            let number = fault.unwrap_or_default();
+            let violation = LimitViolation::new(LimitKind::EcuFault, number.into(), 0, now);
+            let reported = &mut self.fault_reported;
+            self.fault.observe(fault.is_some(), violation, self.limits.ecu_fault, &mut |confirmed| {
+                *reported = confirmed.value;
                 if before != Some(confirmed.value) {
                     found(confirmed);
                 }
-            }
+            });
         }
         self.sample(now);
     }
@@ -214,16 +221,13 @@ impl LimitMonitor {
         let reported_max = report.max_rpm.map(|max| max.value.get() / 100 * 105);
         if let Some(limit) = self.limits.over_speed.at.map(Rpm::get).or(reported_max) {
             let violation = LimitViolation::new(LimitKind::OverSpeed, value, limit, now);
-            let confirmed =
-                self.over_speed.observe((value > limit).then_some(violation), self.limits.over_speed.action);
-            confirmed.into_iter().for_each(&mut *found);
+            self.over_speed.observe(value > limit, violation, self.limits.over_speed.action, found);
         }
         let reported_idle = report.idle_rpm.map(|idle| idle.value.get() / 100 * 80);
         if let Some(limit) = self.limits.low_rpm.at.map(Rpm::get).or(reported_idle) {
             let low = phase == Some(Phase::Running) && value < limit;
             let violation = LimitViolation::new(LimitKind::LowRpm, value, limit, now);
-            let confirmed = self.low_rpm.observe(low.then_some(violation), self.limits.low_rpm.action);
-            confirmed.into_iter().for_each(&mut *found);
+            self.low_rpm.observe(low, violation, self.limits.low_rpm.action, found);
         }
 
         if let Some(limit) = self.limits.flame_out.at {
@@ -238,8 +242,7 @@ impl LimitMonitor {
             let commanded = now < lowered + SPOOL_DOWN;
             let beyond = phase == Some(Phase::Running) && !commanded && lost >= u32::from(limit);
             let violation = LimitViolation::new(LimitKind::FlameOut, lost, u32::from(limit), now);
-            let confirmed = self.flame_out.observe(beyond.then_some(violation), self.limits.flame_out.action);
-            confirmed.into_iter().for_each(&mut *found);
+            self.flame_out.observe(beyond, violation, self.limits.flame_out.action, found);
         }
     }
 
@@ -264,9 +267,7 @@ impl LimitMonitor {
         };
         let change = change(before);
         let violation = LimitViolation::new(LimitKind::Implausible, change, limit, now);
-        let confirmed =
-            self.implausible.observe((change > limit).then_some(violation), self.limits.implausible.action);
-        confirmed.into_iter().for_each(&mut *found);
+        self.implausible.observe(change > limit, violation, self.limits.implausible.action, found);
         if change <= limit || self.implausible.beyond > 1 {
             self.plausible = Some(rpm);
         }
@@ -287,9 +288,8 @@ impl LimitMonitor {
                 limit: limit.tenths().into(),
                 at: now,
             };
-            let beyond = (egt.value > limit).then_some(violation);
-            let confirmed = self.over_temperature.observe(beyond, self.limits.over_temperature.action);
-            confirmed.into_iter().for_each(&mut *found);
+            let action = self.limits.over_temperature.action;
+            self.over_temperature.observe(egt.value > limit, violation, action, found);
         }
         if let Some(limit) = self.limits.hot_start.at {
             let before = self
@@ -305,8 +305,7 @@ impl LimitMonitor {
             let beyond = phase == Some(Phase::Starting) && rise > i64::from(limit);
             let value = i32::try_from(rise).unwrap_or(i32::MAX);
             let violation = LimitViolation { kind: LimitKind::HotStart, value, limit: limit.into(), at: now };
-            let confirmed = self.hot_start.observe(beyond.then_some(violation), self.limits.hot_start.action);
-            confirmed.into_iter().for_each(&mut *found);
+            self.hot_start.observe(beyond, violation, self.limits.hot_start.action, found);
         }
     }
 

@@ -45,7 +45,7 @@ impl Engine {
             return;
         }
         self.link.gap();
-        self.last_gap = Some(now);
+        self.last_gap = Some(Instant::MAX);
         match &mut self.mode {
             Mode::Run(Run { life, .. }) | Mode::Pwm { life, .. } => {
                 let doubted = life.in_doubt().is_some();

@@ -25,6 +25,7 @@ mod judging;
 mod life;
 mod limits;
 mod lives;
+mod origins;
 mod pump;
 mod ramp;
 mod reset;

@@ -36,7 +36,7 @@ impl Engine {
         Some(silent.min(pump.until))
     }
 
-    /// Whether the engine is hot or has left standby since a service that moves fuel or heats was permitted. A service that goes on is
+    /// Whether the engine is hot or has left standby since a service that moves fuel or heats was permitted. A service in progress is
     /// not standby either, and an EGT that is not known is none.
     pub(super) fn fuel_is_unsafe(&self, now: Instant) -> bool {
         let phase = self.link.status().report.phase.map(|phase| phase.value);

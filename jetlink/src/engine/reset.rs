@@ -5,6 +5,7 @@
 
 use super::data::{Beginning, Engine, Mode, OpenPump, RESETS_MAX};
 use super::life::{Finding, Life};
+use super::origins::Origins;
 use super::retained::{FALL_EXPECTED, RetainedState, STEADY};
 use super::run::Run;
 use super::sources::Restored;
@@ -17,16 +18,6 @@ use embassy_time::{Duration, Instant};
 /// Shortest duration of a reset. It makes a loop of resets count that is too fast to be measured.
 const RESET_TAKES: Duration = Duration::from_millis(20);
 
-/// Unpacks a bit mask into a flag for each source.
-fn flags(mask: u8) -> [bool; Origin::ALL.len()] {
-    core::array::from_fn(|place| mask >> place & 1 == 1)
-}
-
-/// Packs a flag for each source into a bit mask.
-fn mask(flags: [bool; Origin::ALL.len()]) -> u8 {
-    flags.iter().rev().fold(0, |mask, flag| mask << 1 | u8::from(*flag))
-}
-
 /// Seconds, rounded up, as a record stores them.
 fn seconds(time: Duration) -> u16 {
     u16::try_from(time.as_secs() + 1).unwrap_or(u16::MAX)
@@ -38,8 +29,8 @@ impl Engine {
     pub fn restore(&mut self, retained: Option<RetainedState>) {
         let Some(retained) = retained else { return };
         (self.armed, self.failed) = (retained.armed, retained.failed);
-        self.arm_commanded = flags(retained.arm_commanded);
-        self.must_disarm = flags(retained.must_disarm);
+        self.arm_commanded = Origins::from_bits(retained.arm_commanded);
+        self.must_disarm = Origins::from_bits(retained.must_disarm);
         // This reset counts until a source is received.
         self.resets = retained.resets.saturating_add(1);
         self.last_retained = Some(retained);
@@ -215,8 +206,8 @@ impl Engine {
             link: self.link.record(),
             pump_open: self.pump_may_be_open(),
             resets,
-            arm_commanded: mask(self.arm_commanded),
-            must_disarm: mask(self.must_disarm),
+            arm_commanded: self.arm_commanded.bits(),
+            must_disarm: self.must_disarm.bits(),
             ..retained
         }
     }

@@ -4,15 +4,14 @@
 //! RAM may survive a short loss of power, and another image may be flashed over the one that wrote it. Then only the parts
 //! of a record that can stop or preserve an engine are used: [`RetainedState::without_start`].
 
+use crate::checksum::Checksum;
 use crate::command::{Demand, Order, Origin};
 use crate::event::LossStage;
 use crate::link::LinkRecord;
 use crate::units::{Rpm, Throttle};
 use core::sync::atomic::{AtomicU32, Ordering};
-use crc::{CRC_32_ISO_HDLC, Crc};
 use embassy_time::Duration;
 
-const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 /// Layout number. Change it with the layout, so that the record of an older firmware is discarded.
 const LAYOUT: u32 = 0x4A4C_0006;
 const WORDS: usize = 8;
@@ -264,14 +263,11 @@ impl RetainedMemory {
 }
 
 fn checksum(words: &[u32; WORDS]) -> u32 {
-    let mut digest = CRC.digest();
-    for word in words.iter().take(WORDS - 1) {
-        digest.update(&word.to_le_bytes());
-    }
-    digest.finalize()
+    Checksum::new().words(&words[..WORDS - 1]).value()
 }
 
 /// Whole steps of a time.
+#[inline(never)]
 fn steps(time: Duration, step: Duration) -> u32 {
     let (time, step) = (time.as_ticks(), step.as_ticks());
     // A core divides 32 bits in some cycles, and takes hundreds for 64. 32 bits are 71 min.

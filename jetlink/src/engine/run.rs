@@ -36,6 +36,8 @@ pub(super) struct Run {
     pub sent: Demand,
     /// Another source that waits to take over, and the end of its wait.
     pub taking_over: Option<(Origin, Instant)>,
+    /// The stream of commands with which the active source was last in control. Where it still comes, the source was not away.
+    pub stream: Option<Instant>,
     /// Begin of the fail-safe stage, while no source is fresh.
     pub fail_safe_at: Option<Instant>,
     pub stage: LossStage,
@@ -93,7 +95,10 @@ impl Run {
             Some((origin, Intent::Run(demand))) => {
                 // It stayed in control or returned after a short gap, or before another source had taken over.
                 let away = self.fail_safe_at.is_some() || self.taking_over.is_some();
-                if origin == self.active_source && !(away && sources.was_lost(origin)) {
+                let stream = sources.stream(origin);
+                let stayed = !sources.was_lost(origin) || stream == self.stream;
+                if origin == self.active_source && (stayed || !away) {
+                    self.stream = stream;
                     if away {
                         self.shaper.rise();
                     }
@@ -118,6 +123,7 @@ impl Run {
                     self.resumed_low = false;
                     self.demand = demand;
                     self.active_source = origin;
+                    self.stream = stream;
                     self.shaper.rise();
                     self.stage(LossStage::None, events);
                 }

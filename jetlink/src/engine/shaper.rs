@@ -1,6 +1,6 @@
 //! Shapes the demand of a running engine: rates, reductions, governor.
 
-use super::config::{Supervision, Takeover};
+use super::config::{Governor as GovernorSettings, Supervision, Takeover};
 use super::exhaust::FALL_EXPECTED;
 use super::governor::Governor;
 use super::ramp::{Ramp, Rates};
@@ -8,6 +8,7 @@ use crate::command::Demand;
 use crate::link::earlier;
 use crate::report::Timed;
 use crate::units::{Rpm, Throttle};
+use core::mem::discriminant;
 use embassy_time::{Duration, Instant};
 
 /// Maximum rpm, for rates in %, of an engine whose ECU does not report its own.
@@ -153,6 +154,26 @@ impl Shaper {
         }
         // A demand held in doubt must not jump when the life is confirmed, nor one when the transmitter works again.
         self.rising |= shape.running && !(shape.living && shape.transmits);
+        let (target, rates) = self.target(now, plan, shape, config);
+        let (target, rates) =
+            if shape.running { (target, rates) } else { (idle(target, shape), Rates::AT_ONCE) };
+        let within = self.moving.within_maximum(target, shape);
+        // A demand that was held must not jump when the maximum is known.
+        self.rising |= within != target;
+        let full = self.max_rpm.map_or(NOMINAL_MAX_RPM, Rpm::get);
+        let next = self.moving.follow(now, within, rates, shape, full);
+        let demand = self.moving.demand();
+        let (Demand::Rpm(rpm), true, Some(settings)) = (demand, shape.governed, config.governor) else {
+            self.governor = None;
+            self.doubted &= !shape.living;
+            return (demand, next);
+        };
+        let (throttle, look_again) = self.govern(now, rpm, shape, &settings);
+        (Demand::Throttle(throttle), earlier(next, look_again))
+    }
+
+    /// What the demand moves to, and the rates of that.
+    fn target(&mut self, now: Instant, plan: Plan, shape: &Shape, config: &Supervision) -> (Demand, Rates) {
         // The reduction for a failed engine is at least as fast as a fail-safe.
         let down = match shape.reduced_to {
             Some(_) => config.slew.down.map(|down| down.max(config.loss.ramp)),
@@ -164,7 +185,7 @@ impl Shaper {
             up => up,
         };
         let slew = Rates { up: up.map(u32::from), down: down.map(u32::from) };
-        let (target, rates) = match plan {
+        match plan {
             // The reduction for a failed engine does not wait for a take-over.
             Plan::Hold(commanded)
                 if shape.reduced_to.is_some()
@@ -180,8 +201,10 @@ impl Shaper {
                     && matches!(self.moving, Moving::Rpm(_))
                     && !shape.governed =>
             {
-                let Demand::Rpm(now_at) = self.moving.demand() else { return (self.moving.demand(), None) };
-                (Demand::Rpm(shape.idle_rpm.map_or(now_at, |idle| idle.min(now_at))), slew)
+                match (self.moving.demand(), shape.idle_rpm) {
+                    (Demand::Rpm(now_at), Some(idle)) => (Demand::Rpm(idle.min(now_at)), slew),
+                    (now_at, _) => (now_at, slew),
+                }
             }
             Plan::To(demand)
                 if shape.running
@@ -192,8 +215,10 @@ impl Shaper {
             }
             Plan::To(demand) => {
                 let target = reduced(demand, shape.reduced_to);
-                self.rising &=
-                    !shape.running || !shape.received || !shape.transmits || self.moving.demand() != target;
+                // The first of its kind has to be sent: until then the ECU has another. A governor sends throttles for an rpm.
+                let first = !shape.governed && discriminant(&target) != discriminant(&shape.sent);
+                let moves = first || self.moving.demand() != target;
+                self.rising &= !shape.running || !shape.received || !shape.transmits || moves;
                 (target, slew)
             }
             Plan::FailSafe { commanded, in_control } => {
@@ -209,23 +234,20 @@ impl Shaper {
                     (safe, Rates { up: None, down: Some(ramp) })
                 }
             }
-        };
-        let (target, rates) =
-            if shape.running { (target, rates) } else { (idle(target, shape), Rates::AT_ONCE) };
-        let within = self.moving.within_maximum(target, shape);
-        // A demand that was held must not jump when the maximum is known.
-        self.rising |= within != target;
-        let full = self.max_rpm.map_or(NOMINAL_MAX_RPM, Rpm::get);
-        let next = self.moving.follow(now, within, rates, shape, full);
-        let demand = self.moving.demand();
-        let (Demand::Rpm(rpm), true, Some(settings)) = (demand, shape.governed, config.governor) else {
-            self.governor = None;
-            self.doubted &= !shape.living;
-            return (demand, next);
-        };
+        }
+    }
+
+    /// The throttle that brings the engine to this speed, and when to look at it again.
+    fn govern(
+        &mut self,
+        now: Instant,
+        rpm: Rpm,
+        shape: &Shape,
+        settings: &GovernorSettings,
+    ) -> (Throttle, Option<Instant>) {
         if !shape.running {
             self.governor = None;
-            return (Demand::Throttle(Throttle::IDLE), next);
+            return (Throttle::IDLE, None);
         }
         if !shape.living {
             // In doubt the governor neither controls nor winds up, and holds no throttle on old telemetry.
@@ -234,10 +256,9 @@ impl Shaper {
             let old_at = shape.rpm.map(|rpm| rpm.at + settings.max_age).filter(|at| *at > now);
             if old_at.is_none() {
                 self.governed = None;
-                return (Demand::Throttle(Throttle::IDLE), next);
+                return (Throttle::IDLE, None);
             }
-            let held = self.governed.or(shape.throttle).unwrap_or(Throttle::IDLE);
-            return (Demand::Throttle(held), earlier(next, old_at));
+            return (self.governed.or(shape.throttle).unwrap_or(Throttle::IDLE), old_at);
         }
         // What is in force is what was sent. Behind a doubt, as without a throttle, the ECU knows best.
         let from = match shape.sent {
@@ -245,9 +266,9 @@ impl Shaper {
             _ => shape.throttle.unwrap_or(Throttle::IDLE),
         };
         let governor = self.governor.get_or_insert_with(|| Governor::new(now, from));
-        let (throttle, look_again) = governor.throttle(now, &settings, rpm, shape.rpm);
+        let (throttle, look_again) = governor.throttle(now, settings, rpm, shape.rpm);
         self.governed = Some(throttle);
-        (Demand::Throttle(throttle), earlier(next, Some(look_again).filter(|at| *at > now)))
+        (throttle, Some(look_again).filter(|at| *at > now))
     }
 
     /// Target of the fail-safe. It only ever lowers the demand.
@@ -278,6 +299,7 @@ impl Moving {
         }
     }
 
+    #[inline(never)]
     fn demand(&self) -> Demand {
         match self {
             Self::Throttle(ramp) => {
@@ -394,6 +416,7 @@ impl Lowered {
     }
 }
 
+#[inline(never)]
 fn reduced(demand: Demand, to: Option<u16>) -> Demand {
     let Some(to) = to else { return demand };
     let share = |value: u32| (u64::from(value) * u64::from(to) / 1000) as u32;

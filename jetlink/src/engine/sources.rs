@@ -130,10 +130,7 @@ impl Sources {
     fn record(&mut self, now: Instant, origin: Origin, intent: Intent) {
         let (timeout, recover_after, return_within) =
             (self.timeouts.of(origin), self.recover_after, self.return_within);
-        for (place, slot) in Origin::SOURCES.into_iter().zip(&mut self.sources) {
-            if place != origin {
-                continue;
-            }
+        if let Some(slot) = self.slot_mut(origin) {
             let before = *slot;
             // A source that is present without a command has no gap; a restored one was not received yet.
             let never = Duration::from_ticks(0);
@@ -219,6 +216,7 @@ impl Sources {
     }
 
     /// Turns every intent to run into standby, because the run has ended.
+    #[inline(never)]
     pub fn forget_runs(&mut self) {
         for source in self.sources.iter_mut().flatten() {
             source.intent = match source.intent {
@@ -230,7 +228,9 @@ impl Sources {
 
     /// The source in control, and its intent.
     pub fn active(&self, now: Instant) -> Option<(Origin, Intent)> {
-        self.each().find(|(_, source)| self.may_control(now, source)).map(|(o, s)| (o, s.intent))
+        let sources = Origin::SOURCES.into_iter().zip(&self.sources);
+        let mut sources = sources.filter_map(|(origin, slot)| Some((origin, slot.as_ref()?)));
+        sources.find(|(_, source)| self.may_control(now, source)).map(|(o, s)| (o, s.intent))
     }
 
     /// Whether this source is in control.
@@ -239,6 +239,7 @@ impl Sources {
     }
 
     /// A source of higher priority than this one that is in control.
+    #[inline(never)]
     pub fn above(&self, now: Instant, origin: Origin) -> Option<Origin> {
         let (active_source, _) = self.active(now)?;
         (active_source.priority() > origin.priority()).then_some(active_source)
@@ -261,7 +262,7 @@ impl Sources {
 
     /// Time since which all sources have been silent, if they are: `Some(None)` if none was ever received.
     pub fn all_silent_from(&self, now: Instant) -> Option<Option<Instant>> {
-        let latest = self.each().map(|(_, source)| source.silent_from).max();
+        let latest = self.each().map(|source| source.silent_from).max();
         match latest {
             Some(latest) if latest > now => None,
             latest => Some(latest),
@@ -270,12 +271,18 @@ impl Sources {
 
     /// Time of the last standby or run of any source since the node started.
     pub fn last_command(&self) -> Option<Instant> {
-        self.each().filter_map(|(_, source)| source.last_commanded).max()
+        self.each().filter_map(|source| source.last_commanded).max()
     }
 
     /// Time of the last standby or run of a source since the node started.
+    #[inline(never)]
     pub fn last_commanded(&self, origin: Origin) -> Option<Instant> {
         self.source(origin).and_then(|source| source.last_commanded)
+    }
+
+    /// Its stream of commands without a gap, named by when it began.
+    pub fn stream(&self, origin: Origin) -> Option<Instant> {
+        self.source(origin).map(|source| source.since)
     }
 
     /// Whether its last gap was a loss: it returns by a take-over.
@@ -300,7 +307,7 @@ impl Sources {
 
     /// Whether any source was received since the node started.
     pub fn any_received(&self) -> bool {
-        self.each().any(|(_, source)| source.received)
+        self.each().any(|source| source.received)
     }
 
     /// Whether a source has commanded standby or a run since the node started.
@@ -310,27 +317,21 @@ impl Sources {
 
     /// The next timeout of a source. The source in control changes only then or with a command.
     pub fn deadline(&self, now: Instant) -> Option<Instant> {
-        self.each().map(|(_, source)| source.silent_from).filter(|at| *at > now).min()
+        self.each().map(|source| source.silent_from).filter(|at| *at > now).min()
     }
 
     // By reference: it runs with interrupts off, at every frame.
-    fn each(&self) -> impl Iterator<Item = (Origin, &Source)> {
-        Origin::SOURCES
-            .into_iter()
-            .zip(&self.sources)
-            .filter_map(|(origin, slot)| Some((origin, slot.as_ref()?)))
+    fn each(&self) -> impl Iterator<Item = &Source> {
+        self.sources.iter().flatten()
     }
 
+    #[inline(never)]
     fn source(&self, origin: Origin) -> Option<&Source> {
-        self.each().find(|(place, _)| *place == origin).map(|(_, source)| source)
+        self.sources.get(place(origin))?.as_ref()
     }
 
     fn slot_mut(&mut self, origin: Origin) -> Option<&mut Option<Source>> {
-        Origin::SOURCES
-            .into_iter()
-            .zip(&mut self.sources)
-            .find(|(place, _)| *place == origin)
-            .map(|(_, slot)| slot)
+        self.sources.get_mut(place(origin))
     }
 
     fn slot(&mut self, origin: Origin) -> Option<&mut Source> {
@@ -356,7 +357,27 @@ impl Source {
     }
 }
 
+/// Place of an origin in [`Origin::SOURCES`]; the node has none there.
+const fn place(origin: Origin) -> usize {
+    Origin::SOURCES.len() - origin.priority() as usize
+}
+
 /// Whether it was received without a gap for `after`. The silence since does not count.
 fn recovered(source: &Source, after: Duration) -> bool {
     source.last_rx.saturating_duration_since(source.since) + source.steady_before >= after
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_source_has_a_place_and_it_is_its_own() {
+        for origin in Origin::ALL {
+            assert_eq!(Origin::SOURCES.iter().position(|source| *source == origin), {
+                let place = place(origin);
+                (place < Origin::SOURCES.len()).then_some(place)
+            });
+        }
+    }
 }

@@ -1,7 +1,8 @@
 //! The steps from one mode to the next. Nothing else changes the mode; what decides is above.
 
-use super::data::{Beginning, Engine, Mode, RESETS_MAX, slot};
+use super::data::{Beginning, Engine, Mode, RESETS_MAX};
 use super::life::{Finding, Life};
+use super::origins::Origins;
 use super::retained::RetainedState;
 use super::run::Run;
 use super::shaper::{Lowered, Shaper};
@@ -21,9 +22,7 @@ impl Engine {
         self.end();
         self.mode = Mode::Stop(by);
         self.failed = false;
-        for (must, armed) in self.must_disarm.iter_mut().zip(self.arm_commanded) {
-            *must |= armed;
-        }
+        self.must_disarm.insert_all(self.arm_commanded);
         if core::mem::take(&mut self.armed) {
             self.event(Event::Armed(false, by));
         }
@@ -31,6 +30,7 @@ impl Engine {
     }
 
     /// Orders standby.
+    #[inline(never)]
     pub(super) fn standby(&mut self, now: Instant, origin: Origin) {
         self.end();
         self.mode = Mode::Standby;
@@ -39,7 +39,7 @@ impl Engine {
 
     /// Ends permissions, a waiting start and an open fuel pump: common to stop and standby.
     fn end(&mut self) {
-        self.permitted = [false; Origin::ALL.len()];
+        self.permitted = Origins::NONE;
         self.start_wait = None;
         self.ended_by_loss = false;
         self.link.release(false);
@@ -83,7 +83,7 @@ impl Engine {
             Beginning::Reset(record) => record.fall_expected,
             _ => Duration::from_ticks(0),
         };
-        let started = beginning == Beginning::FromStandby;
+        let started = matches!(beginning, Beginning::FromStandby);
         let started_before = match beginning {
             Beginning::Found { started_before, .. } => started_before,
             _ => Duration::from_ticks(0),
@@ -103,6 +103,7 @@ impl Engine {
             // What the ECU has, until this run sends its own: idle, or what was in force before a reset.
             sent: demand,
             taking_over: None,
+            stream: None,
             fail_safe_at,
             stage,
             carried,
@@ -119,7 +120,7 @@ impl Engine {
             lowered: Lowered::new(now, demand, fall_expected),
             next: None,
         });
-        self.permitted = [false; Origin::ALL.len()];
+        self.permitted = Origins::NONE;
         self.start_wait = None;
         self.ended_by_loss = false;
         if started {
@@ -146,16 +147,14 @@ impl Engine {
 
     /// Permits the next run of this source to start the engine: its standby is in force.
     pub(super) fn permit(&mut self, origin: Origin) {
-        if let Some(permitted) = slot(&mut self.permitted, origin) {
-            *permitted = origin != Origin::Node;
+        if origin != Origin::Node {
+            self.permitted.insert(origin);
         }
     }
 
     /// Uses up the permission of this source, with its start that waits.
     pub(super) fn use_up(&mut self, origin: Origin) {
-        if let Some(permitted) = slot(&mut self.permitted, origin) {
-            *permitted = false;
-        }
+        self.permitted.remove(origin);
         if self.start_wait.is_some_and(|wait| wait.origin == origin) {
             self.start_wait = None;
         }

@@ -44,6 +44,15 @@ fn throttle(scenario: &Scenario) -> u16 {
     }
 }
 
+/// The throttles of frames that all say run, in tenths of a percent.
+fn throttles(sent: &[Wire]) -> Vec<u16> {
+    let tenths = |wire: &Wire| match *wire {
+        Wire::Run(tenths) => tenths,
+        other => panic!("a throttle, not {other:?}"),
+    };
+    sent.iter().map(tenths).collect()
+}
+
 /// What an AMT ECU with a fault says of the exhaust.
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum Exhaust {
@@ -130,8 +139,7 @@ fn the_governor_rises_at_its_rate_from_frame_to_frame_where_speeds_are_missing()
         scenario.bench.receive(&frame);
         sent.extend(scenario.sent());
     }
-    let tenths: Vec<u16> =
-        sent.iter().map(|wire| if let Wire::Run(tenths) = wire { *tenths } else { 0 }).collect();
+    let tenths = throttles(&sent);
     // 30 % a second, in the steps of 0.5 % that AMT has.
     let most = tenths.windows(2).map(|pair| pair[1].saturating_sub(pair[0])).max();
     assert!(most.is_some_and(|most| (10..=20).contains(&most)), "{tenths:?}");
@@ -199,14 +207,7 @@ fn the_governors_throttle_does_not_jump_behind_missing_speeds() {
     }
     scenario.reports = Some(Reports::Running);
     scenario.fly_us(target(80_000), Origin::Rc, SECOND);
-    let sent: Vec<u16> = scenario
-        .sent()
-        .into_iter()
-        .map(|wire| match wire {
-            Wire::Run(tenths) => tenths,
-            other => panic!("{other:?}"),
-        })
-        .collect();
+    let sent = throttles(&scenario.sent());
     // 30 % a second, and sets 50 ms apart; AMT has steps of 0.5 %.
     assert!(sent.windows(2).all(|pair| pair[1] <= pair[0] + 20), "{sent:?}");
     assert!(sent[0] <= 310 && sent.last() >= Some(&500), "it rises: {sent:?}");

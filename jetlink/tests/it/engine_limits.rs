@@ -353,7 +353,7 @@ fn a_low_supply_is_reported_where_a_limit_is_set() {
     }
 }
 
-/// A board that measures its supply stands in for an ECU that reports none, and for no other.
+/// A board that measures its supply replaces an ECU that reports none, and for no other.
 #[test]
 fn the_supply_of_the_board_counts_where_the_ecu_reports_none() {
     for (reported, counts) in [(None, true), (Some(120), false)] {

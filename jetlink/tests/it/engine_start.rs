@@ -314,6 +314,17 @@ fn a_start_needs_a_link_that_is_up_for_long_enough() {
         let mut scenario = Scenario::ready(ecu, config);
         scenario.silent().fly_us(Command::Standby, Origin::Rc, 2 * SECOND);
         assert_eq!(scenario.command(run(0)), refused(Interlock::Link), "{ecu:?}: lost");
+
+        // Behind a gap that is no loss of the link it counts from the first frame on.
+        for (millis, answer) in [(1400, refused(Interlock::Link)), (1600, Ok(Accepted::InForce))] {
+            let mut scenario = Scenario::ready(ecu, config);
+            let gap = if ecu == Ecu::Amt { 900_000 } else { 400_000 };
+            scenario.silent().fly_us(Command::Standby, Origin::Rc, gap);
+            assert_eq!(scenario.telemetry().link, LinkState::Up);
+            scenario.reports = Some(Reports::Standby);
+            scenario.fly_us(Command::Standby, Origin::Rc, millis * 1000);
+            assert_eq!(scenario.command(run(0)), answer, "{ecu:?} {millis}");
+        }
     }
 }
 

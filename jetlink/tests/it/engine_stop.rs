@@ -6,6 +6,7 @@ use jetlink::ecu::{Service, amt, zk};
 use jetlink::engine::Engine;
 use jetlink::engine::retained::RetainedState;
 use jetlink::event::{Event, LossStage};
+use jetlink::link::LinkRecord;
 use jetlink::report::LinkState;
 
 use crate::support::frames::{amt as amt_frames, zk as zk_frames};
@@ -564,6 +565,31 @@ fn amt_8_after_a_reset_the_exhaust_decides_if_the_ecu_has_a_fault() {
     }
 }
 
+/// Without an order, silence from before a reset counts as it would have without one: from the end of a source's timeout on. A healthy
+/// engine whose ECU is not received is not shut down before the stages of loss have run out.
+#[test]
+fn silence_before_a_reset_counts_beyond_the_timeout_of_a_source() {
+    for ecu in BOTH {
+        for before in [0, 5 * SECOND] {
+            let config = ecu.with(|s| s.timeouts.mavlink = micros(3 * SECOND));
+            let found = RetainedState {
+                ran: true,
+                all_silent: micros(before),
+                ..RetainedState::new(Order::Listen, Origin::Node)
+            };
+            let mut scenario = Scenario::after_reset(ecu, config, Some(found));
+            let hold = config.supervision.loss.hold.as_micros();
+            let counted = before.saturating_sub(3 * SECOND);
+            let due = scenario.now_us() + hold + 10 * SECOND - counted;
+            // The reset itself counts as 20 ms.
+            scenario.run_to_us(due - 40_000);
+            assert_eq!(scenario.order(), Order::Listen, "{ecu:?} {before}");
+            scenario.run_to_us(due + 1);
+            assert_eq!(scenario.order(), Order::Standby, "{ecu:?} {before}");
+        }
+    }
+}
+
 /// What is retained is what is in force: a reset does not raise a throttle that a stage of loss has lowered.
 #[test]
 fn the_retained_order_is_the_one_in_force() {
@@ -571,7 +597,8 @@ fn the_retained_order_is_the_one_in_force() {
         let mut scenario = Scenario::started(ecu, percent(60));
         scenario.fly_us(run(60), Origin::Rc, 4 * FRAME_PERIOD_US);
         let retained = scenario.bench.machine.record();
-        assert_eq!(Some(RetainedState { arm_commanded: 0, ..retained }), retained_run(percent(60)));
+        let order = RetainedState { arm_commanded: 0, link: LinkRecord::EMPTY, ..retained };
+        assert_eq!(Some(order), retained_run(percent(60)));
         assert_eq!(retained.arm_commanded, 1 << 3, "RC, the fourth of all origins");
         scenario.pass_us(10 * SECOND);
         assert_eq!(scenario.bench.machine.record().order, Order::Run(percent(0)), "{ecu:?}");

@@ -138,11 +138,12 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         match event {
             Some(VehicleEvent::Learnt(id)) => {
                 let when = if self.vehicle.id() == Some(id) { "" } else { " from the next start on" };
-                let text = format_args!("autopilot is system {id}{when}");
+                let text = format_args!("autopilot is system {}{when}", u32::from(id));
                 self.say(now, Place::Node, Severity::Info, None, text);
                 self.store_learnt(id);
             }
             Some(VehicleEvent::TwoAutopilots(one, other)) => {
+                let (one, other) = (u32::from(one), u32::from(other));
                 // There is no id to send it with, but where one is set.
                 self.say(
                     now,

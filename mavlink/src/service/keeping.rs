@@ -9,7 +9,6 @@ use crate::refusal::Refusal;
 use crate::settings::{LEARNT, Table, find_row};
 use crate::store::NotSaved;
 use embassy_time::Instant;
-#[cfg(feature = "signing")]
 use jetlink::config::EngineConfig;
 use jetlink::setting::{Effect, Row};
 
@@ -26,16 +25,12 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     /// that the defaults, or what was set since, are right (service 30).
     pub fn set_damaged(&mut self, damaged: bool) {
         self.damaged = damaged.into();
-        #[cfg(feature = "signing")]
-        {
-            self.are_retained = false;
-        }
+        self.are_retained = false;
         self.attached.set_damaged(damaged);
     }
 
     /// Reports that the stored settings are damaged, and that those of before the reset count, which RAM has retained: all is obeyed. They are
     /// stored anew when a person confirms them.
-    #[cfg(feature = "signing")]
     pub fn set_retained(&mut self) {
         self.set_damaged(true);
         self.are_retained = true;
@@ -44,15 +39,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
 
     /// Whether the settings are lost, and nobody has confirmed the present ones.
     pub const fn is_damaged(&self) -> bool {
-        self.damaged != 0 && !self.are_retained()
-    }
-
-    /// Whether the present settings are those of before the reset.
-    const fn are_retained(&self) -> bool {
-        #[cfg(feature = "signing")]
-        return self.are_retained;
-        #[cfg(not(feature = "signing"))]
-        false
+        self.damaged != 0 && !self.are_retained
     }
 
     /// Whether a person has to confirm the present settings: what is stored is damaged.
@@ -68,7 +55,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         self.damaged = self.damaged.saturating_sub(1);
         if self.damaged == 0 {
             self.damaged = DAMAGED_EVERY;
-            let text = match self.are_retained() {
+            let text = match self.are_retained {
                 true => "stored settings DAMAGED: confirm those of now by USB",
                 false => "settings DAMAGED: only stops are obeyed",
             };
@@ -76,22 +63,55 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         }
     }
 
-    /// Confirms the present settings: all are stored anew.
+    /// Confirms the present settings: all are stored anew, and count as damaged until they are.
     #[cfg(feature = "signing")]
     pub(super) fn confirm_settings(&mut self, at_board: bool) -> Result<(), Refusal> {
         if !self.has_to_be_confirmed() {
             return Err(Refusal::NotDamaged);
         }
         // Where they are lost, only what comes by USB has got here.
-        if self.are_retained() && !at_board {
+        if self.are_retained && !at_board {
             return Err(Refusal::Damaged);
         }
         if !self.is_at_rest() {
             return Err(Refusal::NotAtRest);
         }
-        self.set_damaged(false);
-        self.anew = true;
+        if self.confirming {
+            return Err(Refusal::StoreBusy);
+        }
+        (self.anew, self.confirming) = (true, true);
         Ok(())
+    }
+
+    /// Takes the result where all records were stored anew.
+    #[cfg(feature = "signing")]
+    pub fn stored_anew(&mut self, now: Instant, result: Result<(), NotSaved>) {
+        // What was begun before the confirmation is not its result.
+        if self.anew || !core::mem::take(&mut self.confirming) {
+            return;
+        }
+        match result {
+            Ok(()) => {
+                self.set_damaged(false);
+                self.say(
+                    now,
+                    Place::Node,
+                    Severity::Notice,
+                    None,
+                    format_args!("settings confirmed and stored"),
+                );
+            }
+            Err(_) => {
+                let why = Refusal::StoreFails;
+                self.say(
+                    now,
+                    Place::Node,
+                    Severity::Error,
+                    None,
+                    format_args!("settings not confirmed: {why}"),
+                );
+            }
+        }
     }
 
     /// Stores the id of the vehicle that was learnt.
@@ -139,23 +159,24 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     }
 
     /// All settings that differ from these of the engines and the defaults, as records, and all of what is attached.
-    #[cfg(feature = "signing")]
-    pub fn changes<'b>(&'b self, engines: &'b [EngineConfig]) -> impl Iterator<Item = (u8, Record)> + 'b {
-        let node = (0, record::changes_of_node(&self.settings));
-        let engines =
-            self.engines.iter().zip(engines).zip(1..).map(|((of, default), key)| {
-                (key, record::changes_of_engine(&of.config, &of.settings, default))
-            });
-        let attached =
-            (1 + self.engines.len()..self.places_of_settings()).filter_map(|place| self.record(place));
-        [node].into_iter().chain(engines).chain(attached)
+    pub fn changes(&self, engines: &[EngineConfig]) -> impl Iterator<Item = (u8, Record)> {
+        (0..self.places_of_settings()).filter_map(|place| self.record_of(place, Some(engines)))
     }
 
     /// The record in a place, with its key, as it should be stored.
     pub fn record(&self, place: usize) -> Option<(u8, Record)> {
-        let Some(engine) = place.checked_sub(1) else { return Some((0, record::of_node(&self.settings))) };
+        self.record_of(place, None)
+    }
+
+    /// The same; with defaults of the engines, what differs.
+    #[inline(never)]
+    fn record_of(&self, place: usize, defaults: Option<&[EngineConfig]>) -> Option<(u8, Record)> {
+        let Some(engine) = place.checked_sub(1) else {
+            return Some((0, record::of_node(&self.settings, defaults.is_some())));
+        };
         if let Some(of) = self.engines.get(engine) {
-            return Some((u8::try_from(place).ok()?, record::of_engine(&of.config, &of.settings)));
+            let default = defaults.and_then(|defaults| defaults.get(engine));
+            return Some((u8::try_from(place).ok()?, record::of_engine(&of.config, &of.settings, default)));
         }
         #[cfg(feature = "signing")]
         if place == self.places_of_settings() {
@@ -220,7 +241,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
             Ok(()) => {
                 self.counters.parameters_set = self.counters.parameters_set.wrapping_add(1);
                 if self.keeping == Keeping::Lost {
-                    let what = format_args!("{name} is not stored: it is lost at the node's next start");
+                    let what = format_args!("{name} is not stored: a loss of power loses it");
                     self.say(now, place, Severity::Warning, Some(port), what);
                 } else {
                     let when = match row.effect {
@@ -277,7 +298,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     /// Whether nothing waits to be stored.
     pub fn is_saved(&self) -> bool {
         #[cfg(feature = "signing")]
-        if self.cover.is_saving() {
+        if self.confirming || self.cover.is_saving() {
             return false;
         }
         self.pending.is_empty()

@@ -109,11 +109,13 @@ pub struct Service<'a, const N: usize, const P: usize, A: Attached = Nothing> {
     /// The stored settings are damaged, and nobody has confirmed the present ones: heartbeats until a text says so again. 0: they are not.
     damaged: u8,
     /// The present ones are those of before the reset all the same.
-    #[cfg(feature = "signing")]
     are_retained: bool,
-    /// All records have to be stored anew.
+    /// All records have to be stored anew, as the settings were confirmed.
     #[cfg(feature = "signing")]
     anew: bool,
+    /// They are being stored.
+    #[cfg(feature = "signing")]
+    confirming: bool,
     /// Parameters that were set and are not stored yet.
     pending: Deque<Pending, PENDING>,
     counters: Counters,
@@ -207,10 +209,11 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             reboot: false,
             keeping: Keeping::ByBuilder,
             damaged: 0,
-            #[cfg(feature = "signing")]
             are_retained: false,
             #[cfg(feature = "signing")]
             anew: false,
+            #[cfg(feature = "signing")]
+            confirming: false,
             pending: Deque::new(),
             counters: Counters::default(),
         }

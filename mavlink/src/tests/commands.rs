@@ -431,6 +431,8 @@ fn damaged_settings_grant_no_start_until_a_person_confirms_them() {
         assert!(text.contains("by USB"), "{text}");
         let (answer, text) = world.command(NODE, USER, CONFIRM_SETTINGS).await;
         assert_eq!((answer, world.service.borrow_mut().take_anew()), (ACCEPTED, true), "{text}");
+        world.service.borrow_mut().stored_anew(embassy_time::Instant::now(), Ok(()));
+        world.pass(0.2).await;
         world.start(0).await;
     });
 }

@@ -1,17 +1,34 @@
 //! A node whose stored settings are damaged: who may command, the key and every setting are not known. Only a stop counts, and what a
 //! person does at the board.
 
+#[cfg(feature = "signing")]
+use super::store::{Mock, Word, load};
 use super::world::*;
 use crate::dialect::*;
 use crate::frame::Address;
+#[cfg(feature = "signing")]
+use crate::frame::encode;
 use crate::ids::*;
 use crate::port::PortConfig;
+#[cfg(feature = "signing")]
+use crate::runner::Runner;
+#[cfg(feature = "signing")]
+use crate::service::{Keeping, Request, Service};
 use crate::settings::{Identity, NodeSettings};
 use crate::signing::SigningState;
+#[cfg(feature = "signing")]
+use crate::store::{AtRest, Found, NotSaved};
+#[cfg(feature = "signing")]
+use embassy_futures::block_on;
+#[cfg(feature = "signing")]
+use embassy_futures::select::select;
+#[cfg(feature = "signing")]
+use embassy_time::{Duration, Instant};
 use jetlink::command::Order;
 use jetlink::engine::state::EngineState;
 use jetlink::event::LossStage;
 #[cfg(feature = "signing")]
+use std::cell::Cell;
 use std::vec::Vec;
 
 const ACCEPTED: Option<u8> = Some(Ack::Accepted as u8);
@@ -99,8 +116,27 @@ fn a_person_at_the_board_sets_and_confirms() {
         let away = world.command_from(TO_AUTOPILOT, GROUND, (SYSTEM, NODE), CMD_USER_1, 0, CONFIRM).await;
         assert!(away.0 == NOT_NOW && !world.service.borrow_mut().take_anew(), "{away:?}");
         assert_eq!(world.command(NODE, CMD_USER_1, CONFIRM).await.0, ACCEPTED);
-        assert!(world.service.borrow_mut().take_anew() && !world.service.borrow().is_damaged());
-        world.pass(6.0).await;
+        assert!(world.service.borrow_mut().take_anew());
+        // They are damaged until all is stored, and a text says how each ended.
+        for result in [Err(NotSaved::Failed), Ok(())] {
+            let (answer, text) = world.command(NODE, CMD_USER_1, CONFIRM).await;
+            assert!(answer == NOT_NOW && text.contains("being stored"), "once at a time: {answer:?} {text}");
+            assert!(world.service.borrow().is_damaged() && !world.service.borrow().is_saved());
+            assert!(world.control(0, &[1.0]).await.1.contains("damaged"));
+            world.pass(6.0).await;
+            world.service.borrow_mut().stored_anew(Instant::now(), result);
+            world.pass(0.2).await;
+            assert!(world.service.borrow().is_saved());
+            if result.is_err() {
+                assert!(world.texts().contains("settings not confirmed: it cannot be stored"));
+                assert!(!world.texts().contains("confirmed and stored"));
+                assert_eq!(world.command(NODE, CMD_USER_1, CONFIRM).await.0, ACCEPTED);
+                assert!(world.service.borrow_mut().take_anew());
+            }
+        }
+        assert!(
+            world.texts().contains("settings confirmed and stored") && !world.service.borrow().is_damaged()
+        );
         world.start(0).await;
     });
 }
@@ -195,14 +231,15 @@ fn it_is_said_on_every_port_until_it_is_confirmed() {
         }
         assert_eq!(shown(world), (1, true));
         assert_eq!(world.command(NODE, CMD_USER_1, CONFIRM).await.0, ACCEPTED);
+        assert!(world.service.borrow_mut().take_anew());
+        world.service.borrow_mut().stored_anew(Instant::now(), Ok(()));
         let at = world.frames.borrow().len();
         world.pass(25.0).await;
         assert_eq!((said(world, at).len(), shown(world)), (0, (0, false)));
     });
 }
 
-/// After a reset in flight RAM has the settings: all goes on, and a person confirms them later.
-#[cfg(feature = "signing")]
+/// After a reset in flight RAM has the settings: everything continues, and a person confirms them later, where there is USB.
 #[test]
 fn settings_that_ram_has_retained_count_as_before() {
     run(async |world| {
@@ -222,7 +259,7 @@ fn settings_that_ram_has_retained_count_as_before() {
         world.until("half throttle", 20, || world.ordered(1) == Some(500)).await;
         world.throttle(IDLE_US);
         let away = world.command_from(TO_AUTOPILOT, GROUND, (SYSTEM, NODE), CMD_USER_1, 0, CONFIRM).await;
-        assert!(away.0 == NOT_NOW && !world.service.borrow_mut().take_anew(), "{away:?}");
+        assert!(away.0 != ACCEPTED && !world.service.borrow_mut().take_anew(), "{away:?}");
         let stranger = Address { system: 78, ..STRANGER };
         let answer =
             world.command_from(TO_GROUND, stranger, (SYSTEM, NODE), CMD_USER_1, 0, EMERGENCY_STOP).await;
@@ -235,7 +272,59 @@ fn settings_that_ram_has_retained_count_as_before() {
         }
         world.cold(0).await;
         world.cold(1).await;
-        assert_eq!(world.command(NODE, CMD_USER_1, CONFIRM).await.0, ACCEPTED);
-        assert!(world.service.borrow_mut().take_anew() && !world.service.borrow().has_to_be_confirmed());
+        #[cfg(feature = "signing")]
+        {
+            assert_eq!(world.command(NODE, CMD_USER_1, CONFIRM).await.0, ACCEPTED);
+            assert!(world.service.borrow_mut().take_anew() && world.service.borrow().has_to_be_confirmed());
+            world.service.borrow_mut().stored_anew(Instant::now(), Ok(()));
+        }
+        #[cfg(not(feature = "signing"))]
+        world.service.borrow_mut().set_damaged(false);
+        assert!(!world.service.borrow().has_to_be_confirmed());
     });
+}
+
+/// Who confirms has the board restart next. With the runner and a slow memory, as an image has it.
+#[cfg(feature = "signing")]
+#[test]
+fn a_restart_behind_a_confirmation_waits_until_all_is_stored() {
+    sim::clock::reset();
+    let at_rest = AtRest::new();
+    at_rest.set(true);
+    let (mut store, ..) = load(Mock::new(&at_rest), &at_rest);
+    for key in 0..3 {
+        block_on(store.save(key, &[key; 40])).unwrap();
+    }
+    let mut mock = store.into_flash();
+    mock.words[1] = Word::Torn;
+    mock.erase_time = Some(Duration::from_secs(2));
+    let (mut store, found, _) = load(mock, &at_rest);
+    assert_eq!(found, Found::Damaged);
+    let now = Instant::now();
+    let mut service: Service<'_, 1, 1> =
+        Service::new(now, known(), SigningState::NONE, [], [PortConfig::usb()]);
+    service.set_keeping(Keeping::Stored);
+    service.set_damaged(true);
+    let to_node = |command, params: &[f32]| COMMAND_LONG_DATA {
+        command,
+        param1: params[0],
+        param2: params.get(1).copied().unwrap_or_default(),
+        target_system: SYSTEM,
+        target_component: NODE,
+        ..Default::default()
+    };
+    service.receive(now, 0, &encode(GROUND, 0, &to_node(CMD_USER_1, CONFIRM)));
+    service.receive(now, 0, &encode(GROUND, 1, &to_node(CMD_PREFLIGHT_REBOOT_SHUTDOWN, &[1.0])));
+    let runner = Runner::new(service);
+    let restarted = Cell::new(None);
+    let node = async {
+        let request = runner.keep_time(|_, service| assert!(restarted.get().is_none(), "{service:?}")).await;
+        restarted.set(Some((request, Instant::now())));
+    };
+    sim::clock::run(select(node, runner.keep(&mut store, &at_rest)));
+    let (request, at) = restarted.get().expect("it restarts");
+    assert!(request == Request::Reboot && at >= now + Duration::from_secs(4), "two erases: {at}");
+    let mock = Mock { erase_time: None, ..store.into_flash() };
+    let (_, found, records) = load(mock, &at_rest);
+    assert_eq!((found, records.keys().copied().collect::<Vec<_>>()), (Found::Whole, std::vec![0, 0x80]));
 }

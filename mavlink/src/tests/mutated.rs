@@ -235,7 +235,7 @@ fn damaged_streams_move_nothing_by_themselves() {
     damaged_streams(40_000, 1);
 }
 
-/// The long run: `cargo test --profile campaign -p jetlink-mavlink ten_million -- --ignored --nocapture`.
+/// The long run: `cargo test --profile campaign -p jetlink-mavlink --lib ten_million -- --ignored --nocapture`.
 #[test]
 #[ignore = "takes minutes"]
 fn ten_million_frames_of_damaged_streams_move_nothing_by_themselves() {

@@ -7,7 +7,7 @@ use crate::service::Keeping;
 use crate::settings::{EngineSettings, NodeSettings, engine_rows};
 use crate::store::{AtRest, Flash, Found, NotSaved, Store};
 use embassy_futures::block_on;
-use embassy_time::Instant;
+use embassy_time::{Duration, Instant, Timer};
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
 use fastrand::Rng;
 use jetlink::config::{EngineConfig, validate};
@@ -46,6 +46,8 @@ pub struct Mock<'a> {
     pub off: Rc<Cell<bool>>,
     /// Erases are an error.
     pub refuses_erase: Rc<Cell<bool>>,
+    /// Time that an erase takes.
+    pub erase_time: Option<Duration>,
     pub rng: Rng,
     pub at_rest: &'a AtRest,
 }
@@ -62,6 +64,7 @@ impl<'a> Mock<'a> {
             takes_no_erase: false,
             off: Rc::default(),
             refuses_erase: Rc::default(),
+            erase_time: None,
             rng: Rng::with_seed(1),
             at_rest,
         }
@@ -133,6 +136,9 @@ impl NorFlash for Mock<'_> {
             return Err(NorFlashErrorKind::Other);
         }
         self.erases += 1;
+        if let Some(time) = self.erase_time {
+            Timer::after(time).await;
+        }
         let cut = self.cut()?;
         if self.takes_no_erase {
             return Ok(());
@@ -170,6 +176,18 @@ pub fn load<'a>(mock: Mock<'a>, at_rest: &'a AtRest) -> (Store<'a, Mock<'a>>, Fo
         assert!(records.insert(key, record.to_vec()).is_none(), "twice");
     }));
     (store, found, records)
+}
+
+/// Writes all records anew, as the runner does: the first one last, and once more, which erases those of before.
+pub fn write_anew<F: Flash>(store: &mut Store<'_, F>, records: &Records) -> Result<(), NotSaved> {
+    block_on(store.begin_anew())?;
+    for (left, (key, record)) in records.iter().enumerate().rev() {
+        if left == 0 {
+            store.end_anew();
+        }
+        block_on(store.save(*key, record))?;
+    }
+    records.iter().take(1).try_for_each(|(key, record)| block_on(store.save(*key, record)))
 }
 
 /// A user's changes: key and record.
@@ -217,13 +235,11 @@ fn after_a_power_cut_at_any_write_or_erase_no_record_is_lost_or_old() {
         at_rest.set(true);
         let (mut store, _, mut records) = load(store.into_flash(), &at_rest);
         for (key, record) in changes.iter().take(20) {
+            records.insert(*key, record.clone());
             if block_on(store.save(*key, record)).is_err() {
                 // A word that looks empty to the crate and is not.
-                block_on(store.format()).unwrap();
-                records.iter().for_each(|(key, record)| block_on(store.save(*key, record)).unwrap());
-                block_on(store.save(*key, record)).unwrap();
+                write_anew(&mut store, &records).unwrap();
             }
-            records.insert(*key, record.clone());
         }
         let (_, found, now) = load(store.into_flash(), &at_rest);
         assert_eq!((found, now), (Found::Whole, records), "{case}");
@@ -288,6 +304,35 @@ fn empty_and_damaged_differ() {
             assert_eq!((found, records.len()), (Found::Damaged, 4), "word {word}");
         }
     }
+    // Nothing of it is readable, or all of it is wrong: it is known by its mark and its length, and not without a mark.
+    const WRONG: Word = Word::Holds([0x5A; WORD]);
+    let marked = mock.words[0];
+    for (mark, damage, expected) in [
+        (marked, Word::Torn, Found::Damaged),
+        (marked, WRONG, Found::Damaged),
+        (Word::Torn, Word::Torn, Found::Damaged),
+        (WRONG, WRONG, Found::Empty),
+    ] {
+        for other_sector in [false, true] {
+            let mut mock = mock.clone();
+            mock.words[..=used].fill(damage);
+            mock.words[0] = mark;
+            if other_sector {
+                mock.words.rotate_left(SECTOR / WORD);
+            }
+            let (_, found, records) = load(mock, &at_rest);
+            assert_eq!((found, records.len()), (expected, 0), "{mark:?} {damage:?}");
+        }
+    }
+    // A first record that a power cut tore is no damage.
+    let mut first = Mock::new(&at_rest);
+    first.words[..11].fill(Word::Torn);
+    first.words[0] = marked;
+    assert_eq!(load(first, &at_rest).1, Found::Empty);
+    // Zeros are nobody's.
+    let mut zeros = Mock::new(&at_rest);
+    zeros.words.fill(Word::Holds([0; WORD]));
+    assert_eq!(load(zeros, &at_rest).1, Found::Empty);
     // Data of another program is not a record of ours, and is overwritten when it may be.
     let mut rng = Rng::with_seed(3);
     for _ in 0..200 {
@@ -297,18 +342,17 @@ fn empty_and_damaged_differ() {
         assert_eq!((found, records.len()), (Found::Empty, 0));
         at_rest.set(false);
         assert_eq!(block_on(store.save(0, b"mine")), Err(NotSaved::Full));
-        assert_eq!(block_on(store.format()), Err(NotSaved::Full));
+        assert_eq!(block_on(store.begin_anew()), Err(NotSaved::Full));
         at_rest.set(true);
         if block_on(store.save(0, b"mine")).is_err() {
-            block_on(store.format()).unwrap();
-            block_on(store.save(0, b"mine")).unwrap();
+            write_anew(&mut store, &Records::from([(0, b"mine".to_vec())])).unwrap();
         }
         assert_eq!(load(store.into_flash(), &at_rest).1, Found::Whole);
     }
 }
 
 #[test]
-fn what_is_damaged_stays_damaged_until_it_is_formatted() {
+fn what_is_damaged_stays_damaged_until_all_is_written_anew() {
     let at_rest = AtRest::new();
     at_rest.set(true);
     let (mut store, _, _) = load(Mock::new(&at_rest), &at_rest);
@@ -327,11 +371,66 @@ fn what_is_damaged_stays_damaged_until_it_is_formatted() {
         assert_eq!(found, Found::Damaged, "after {i}");
         store = again;
     }
-    block_on(store.format()).unwrap();
-    block_on(store.save(1, b"new")).unwrap();
+    let new = Records::from([(1, b"new".to_vec())]);
+    write_anew(&mut store, &new).unwrap();
     let (store, found, records) = load(store.into_flash(), &at_rest);
-    assert_eq!((found, records), (Found::Whole, Records::from([(1, b"new".to_vec())])));
-    assert!(store.into_flash().erases >= 4, "moves, and the format");
+    assert_eq!((found, records), (Found::Whole, new));
+    let mock = store.into_flash();
+    assert!(mock.erases >= 5, "moves, and both sectors");
+    assert!(mock.words.iter().filter(|&&word| word != EMPTY).count() <= 4, "nothing of before is left");
+}
+
+#[test]
+fn after_a_power_cut_while_all_is_written_anew_all_of_before_count_or_all_new_ones() {
+    let at_rest = AtRest::new();
+    at_rest.set(true);
+    let of = |first: u8| -> Records { (0..4).map(|key| (key, std::vec![first + key; 40])).collect() };
+    let new = of(100);
+    for (damaged, filled) in [(false, 4), (true, 4), (false, 13), (true, 13)] {
+        // With 13 records a move has been made, so that the other sector is the one in use.
+        let (mut store, _, _) = load(Mock::new(&at_rest), &at_rest);
+        for i in 0..filled {
+            block_on(store.save(i % 4, &[i; 40])).unwrap();
+        }
+        let mut mock = store.into_flash();
+        if damaged {
+            let damages = |word: &usize| {
+                let mut mock = mock.clone();
+                mock.words[*word] = Word::Torn;
+                load(mock, &at_rest).1 == Found::Damaged
+            };
+            let word = (0..mock.words.len()).find(damages).unwrap();
+            mock.words[word] = Word::Torn;
+        }
+        mock.done = 0;
+        let (_, found, before) = load(mock.clone(), &at_rest);
+        assert_eq!(found == Found::Damaged, damaged);
+        let (mut store, _, _) = load(mock.clone(), &at_rest);
+        write_anew(&mut store, &new).unwrap();
+        let done = store.into_flash().done;
+        assert!(done > 10, "{done}");
+        let mut all_new = 0;
+        for (cut, seed) in (1..=done).flat_map(|cut| (0..8).map(move |seed| (cut, seed))) {
+            let cut_short = Mock { left: Some(cut), rng: Rng::with_seed(seed), ..mock.clone() };
+            let (mut store, _, _) = load(cut_short, &at_rest);
+            let result = write_anew(&mut store, &new);
+            let mock = Mock { left: None, ..store.into_flash() };
+            let (mut store, found, records) = load(mock, &at_rest);
+            let case = std::format!("damaged {damaged}, cut at {cut} of {done}, seed {seed}: {result:?}");
+            if records == new {
+                assert_eq!(found, Found::Whole, "{case}");
+                all_new += 1;
+            } else {
+                let expected = if damaged { Found::Damaged } else { Found::Whole };
+                assert_eq!((found, &records), (expected, &before), "{case}");
+            }
+            // And it continues.
+            write_anew(&mut store, &of(50)).unwrap();
+            let (_, found, records) = load(store.into_flash(), &at_rest);
+            assert_eq!((found, records), (Found::Whole, of(50)), "{case}");
+        }
+        assert!(all_new > 4, "{all_new}");
+    }
 }
 
 #[test]
@@ -406,7 +505,7 @@ fn settings_go_into_a_record_and_come_back() {
                 }
             }
         }
-        let record = record::of_engine(&config, &settings);
+        let record = record::of_engine(&config, &settings, None);
         assert_eq!(record.len(), 1 + 6 * engine_rows(&default).count(), "all fit");
         let (mut found, mut own) = (default, EngineSettings::DEFAULT);
         record::apply_to_engine(&mut found, &mut own, &record);
@@ -419,8 +518,8 @@ fn settings_go_into_a_record_and_come_back() {
         assert_eq!(hashes.len(), engine_rows(&default).count());
     }
     // A record of another ECU, a torn one, or one with values that are out of range changes nothing.
-    let of_zk = record::of_engine(&zk, &EngineSettings { output: 9, ..EngineSettings::DEFAULT });
-    let mut out_of_range = record::of_engine(&amt, &EngineSettings::DEFAULT);
+    let of_zk = record::of_engine(&zk, &EngineSettings { output: 9, ..EngineSettings::DEFAULT }, None);
+    let mut out_of_range = record::of_engine(&amt, &EngineSettings::DEFAULT, None);
     out_of_range.chunks_mut(6).for_each(|entry| entry.iter_mut().skip(3).for_each(|byte| *byte = 0x7F));
     for record in [&of_zk[..], &[], &[1, 2, 3], &out_of_range] {
         let (mut found, mut own) = (amt, EngineSettings::DEFAULT);
@@ -430,7 +529,7 @@ fn settings_go_into_a_record_and_come_back() {
     let mut node = NodeSettings::DEFAULT;
     assert!(node.set("MAV_GCS_2", 77));
     let mut found = NodeSettings::DEFAULT;
-    record::apply_to_node(&mut found, &record::of_node(&node));
+    record::apply_to_node(&mut found, &record::of_node(&node, false));
     assert_eq!(found, node);
 }
 

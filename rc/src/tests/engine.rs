@@ -1,23 +1,15 @@
 //! Radio control of a whole engine: what starts it, what stops it, and what never does either.
 
 use super::world::*;
-use crate::calibration::CalibrationError;
 use crate::outputs::Valve;
 use crate::pilot::{Ignored, Outcome};
-use crate::settings::{EngineSettings, SettingsError};
+use crate::settings::EngineSettings;
 use embassy_time::{Duration, Instant, Timer};
-use jetlink::command::{Accepted, Command, Demand, Interlock, Order, Ordered, Origin, Rejected};
+use jetlink::command::{Accepted, Command, Interlock, Order, Ordered, Origin, Rejected};
 use jetlink::engine::retained::Reset;
 use jetlink::engine::state::EngineState;
 use jetlink::event::LossStage;
-use jetlink::units::Rpm;
 use std::vec::Vec;
-
-fn each(scenario: impl AsyncFn(&World<'_>)) {
-    for kind in Kind::ALL {
-        run(kind, async |world| scenario(world).await);
-    }
-}
 
 #[test]
 fn switch_arms_starts_throttles_and_shuts_down() {
@@ -415,6 +407,35 @@ fn outputs_that_nobody_drives_are_no_stop_with_end_points_of_1000_us_either() {
     }
 }
 
+/// Two receivers that send in turns, one at full throttle: silence, and the stages of loss. A stop of either one counts.
+#[test]
+fn two_receivers_on_one_line_are_silence_and_either_one_stops() {
+    each(async |world| {
+        world.start().await;
+        world.radio.stick.set(1300);
+        world.until("a quarter", 5, || world.ordered() == Some(250)).await;
+        world.radio.second.set(Some((1900, RUN)));
+        world.pass(0.2).await;
+        let from = Instant::now();
+        world.outcomes.borrow_mut().clear();
+        world.until("lost", 2, || world.telemetry().loss == LossStage::Hold).await;
+        world.until("idle", 10, || world.ordered() == Some(0)).await;
+        let moved =
+            |(_, outcome): &(Instant, Outcome)| matches!(outcome, Outcome::Commanded(Command::Run(_), _));
+        assert!(!world.outcomes.borrow().iter().any(moved), "since {from}");
+        // One of them is unplugged: the stick is taken from where the demand is.
+        world.radio.second.set(None);
+        world.pass(2.0).await;
+        assert_eq!(world.ordered(), Some(0));
+        world.radio.stick.set(IDLE);
+        world.pass(1.0).await;
+        world.radio.stick.set(1500);
+        world.until("half throttle", 5, || world.ordered() == Some(500)).await;
+        world.radio.second.set(Some((1900, STOP)));
+        world.until("stop", 1, || world.telemetry().stop_latched).await;
+    });
+}
+
 #[test]
 fn a_wire_of_pulses_that_breaks_is_silence() {
     for wire in [1, 2, 3] {
@@ -432,88 +453,47 @@ fn a_wire_of_pulses_that_breaks_is_silence() {
     }
 }
 
-#[test]
-fn hand_over_goes_to_the_lower_source_and_back_without_a_jump_and_keeps_the_stop() {
-    each(async |world| {
-        world.start().await;
-        world.radio.stick.set(1900);
-        world.until("full throttle", 5, || world.ordered() == Some(1000)).await;
-        world.lower.set(Some(run_at(300)));
-        world.pass(2.0).await;
-        assert_eq!((world.telemetry().active_source, world.ordered()), (Origin::Rc, Some(1000)));
-        world.radio.hand_over.set(2000);
-        world.until("MAVLink in control", 5, || world.telemetry().active_source == Origin::Mavlink).await;
-        world.until("its throttle", 10, || world.ordered() == Some(300)).await;
-        assert_eq!(world.commanded(), Some(Command::Present));
-        // The stick, and the switch from run to standby, are nothing while it is handed over.
-        world.radio.stick.set(IDLE);
-        world.switch(STANDBY).await;
-        world.pass(5.0).await;
-        assert_eq!((world.state(), world.ordered()), (EngineState::Running, Some(300)));
-        world.switch(RUN).await;
-        world.radio.stick.set(1900);
-        world.pass(1.0).await;
-        world.radio.hand_over.set(1000);
-        world.rises_to(1000).await;
-        assert_eq!(world.telemetry().active_source, Origin::Rc);
-        world.radio.hand_over.set(2000);
-        world.until("MAVLink in control", 5, || world.telemetry().active_source == Origin::Mavlink).await;
-        world.radio.switch.set(STOP);
-        world.until("stop", 1, || world.telemetry().stop_latched).await;
-        assert_eq!(world.telemetry().ordered.origin, Origin::Rc);
-    });
-}
-
-#[test]
-fn engine_that_was_handed_over_can_be_started_by_the_lower_source_only() {
-    each(async |world| {
-        world.arm().await;
-        world.lower.set(Some(Command::Standby));
-        world.pass(1.0).await;
-        world.lower.set(Some(run_at(0)));
-        world.pass(3.0).await;
-        assert_eq!(world.ordered(), None, "radio control is in control");
-        world.radio.hand_over.set(2000);
-        world.switch(RUN).await;
-        world.pass(3.0).await;
-        assert_eq!(world.ordered(), None, "no start of radio control");
-        world.lower.set(Some(Command::Standby));
-        world.pass(2.0).await;
-        world.lower.set(Some(run_at(0)));
-        world.until("running", 120, || world.state() == EngineState::Running).await;
-        assert_eq!(world.telemetry().active_source, Origin::Mavlink);
+/// A life of the node, and another one behind each of these resets.
+fn lives(
+    kind: Kind,
+    resets: &[Reset],
+    first: impl AsyncFnOnce(&World<'_>),
+    between: impl Fn(&Radio),
+    later: impl AsyncFn(&World<'_>),
+) {
+    begin(kind, async |radio, plug, halves| {
+        let memory = memory();
+        let with = |reset| Life { radio, plug, memory: Some((memory, reset)), settings: kind.settings() };
+        life(&with(Reset::PowerLost), halves, first).await;
+        for &reset in resets {
+            between(radio);
+            life(&with(reset), plug.reset_node(), async |world| later(world).await).await;
+        }
     });
 }
 
 /// A reset of the node in flight cuts a frame of the receiver; then the engine continues, whatever the switch was.
 #[test]
 fn engine_resumes_after_a_reset_in_flight_and_the_valve_stays_open() {
+    let flies = async |world: &World<'_>| {
+        world.start().await;
+        world.radio.stick.set(1500);
+        world.until("half throttle", 5, || world.ordered() == Some(500)).await;
+        world.pass(5.0).await;
+    };
+    let resumes = async |world: &World<'_>| {
+        assert_eq!(world.outputs.borrow().valve(), Valve::Open, "before anything else");
+        // The rest of a frame that began before the reset.
+        world.bytes(Instant::now(), &[0xFF, 0x0F, 0x00, 0xC8, 0x18, 0x16, 0x0F]);
+        world.until("found running", 10, || world.ordered().is_some()).await;
+        world.until("its throttle", 10, || world.ordered() == Some(500)).await;
+        world.pass(5.0).await;
+        assert_eq!((world.state(), world.ignitions()), (EngineState::Running, 1));
+        assert!(world.valve.borrow().is_empty(), "{:?}", world.valve.borrow());
+    };
     for kind in Kind::ALL {
         for reset in [Reset::Warm, Reset::PowerLost] {
-            begin(kind, async |radio, plug, halves| {
-                let memory = memory();
-                let with =
-                    |reset| Life { radio, plug, memory: Some((memory, reset)), settings: kind.settings() };
-                life(&with(Reset::PowerLost), halves, async |world| {
-                    world.start().await;
-                    world.radio.stick.set(1500);
-                    world.until("half throttle", 5, || world.ordered() == Some(500)).await;
-                    world.pass(5.0).await;
-                })
-                .await;
-                let halves = plug.reset_node();
-                life(&with(reset), halves, async |world| {
-                    assert_eq!(world.outputs.borrow().valve(), Valve::Open, "before anything else");
-                    // The rest of a frame that began before the reset.
-                    world.bytes(Instant::now(), &[0xFF, 0x0F, 0x00, 0xC8, 0x18, 0x16, 0x0F]);
-                    world.until("found running", 10, || world.ordered().is_some()).await;
-                    world.until("its throttle", 10, || world.ordered() == Some(500)).await;
-                    world.pass(5.0).await;
-                    assert_eq!((world.state(), world.ignitions()), (EngineState::Running, 1));
-                    assert!(world.valve.borrow().is_empty(), "{:?}", world.valve.borrow());
-                })
-                .await;
-            });
+            lives(kind, &[reset], flies, |_| (), resumes);
         }
     }
 }
@@ -521,121 +501,45 @@ fn engine_resumes_after_a_reset_in_flight_and_the_valve_stays_open() {
 /// The stick went up while the node was reset, or the receiver comes with full throttle some time later.
 #[test]
 fn engine_that_is_found_after_a_reset_is_taken_over_without_a_jump() {
+    let flies = async |world: &World<'_>| {
+        world.start().await;
+        world.radio.stick.set(1300);
+        world.until("a quarter", 5, || world.ordered() == Some(250)).await;
+        world.pass(5.0).await;
+    };
     for kind in Kind::ALL {
         for (reset, later) in
             [(Reset::Warm, 0.0), (Reset::PowerLost, 0.0), (Reset::Warm, 8.0), (Reset::PowerLost, 8.0)]
         {
-            begin(kind, async |radio, plug, halves| {
-                let memory = memory();
-                let with =
-                    |reset| Life { radio, plug, memory: Some((memory, reset)), settings: kind.settings() };
-                life(&with(Reset::PowerLost), halves, async |world| {
-                    world.start().await;
-                    world.radio.stick.set(1300);
-                    world.until("a quarter", 5, || world.ordered() == Some(250)).await;
-                    world.pass(5.0).await;
-                })
-                .await;
+            let goes_up = |radio: &Radio| {
                 radio.stick.set(1900);
                 radio.plugged.set(later == 0.0);
-                let halves = plug.reset_node();
-                life(&with(reset), halves, async |world| {
-                    world.until("found running", 10, || world.ordered().is_some()).await;
-                    assert!(world.ordered() <= Some(250), "{:?}", world.ordered());
-                    world.pass(later).await;
-                    world.radio.plugged.set(true);
-                    world.rises_to(1000).await;
-                    assert_eq!((world.state(), world.ignitions()), (EngineState::Running, 1));
-                })
-                .await;
+            };
+            lives(kind, &[reset], flies, goes_up, async |world| {
+                world.until("found running", 10, || world.ordered().is_some()).await;
+                assert!(world.ordered() <= Some(250), "{:?}", world.ordered());
+                world.pass(later).await;
+                world.radio.plugged.set(true);
+                world.rises_to(1000).await;
+                assert_eq!((world.state(), world.ignitions()), (EngineState::Running, 1));
             });
         }
     }
 }
 
-/// What the switch did while MAVLink had the engine is nothing when radio control has it again.
-#[test]
-fn switch_that_moved_while_it_was_handed_over_neither_shuts_down_nor_arms_afterwards() {
-    each(async |world| {
-        world.start().await;
-        world.lower.set(Some(run_at(300)));
-        world.radio.hand_over.set(2000);
-        world.until("MAVLink in control", 5, || world.telemetry().active_source == Origin::Mavlink).await;
-        world.switch(STANDBY).await;
-        world.radio.hand_over.set(1000);
-        world.pass(5.0).await;
-        assert_eq!(world.commanded(), Some(Command::Present));
-        assert_eq!((world.state(), world.ordered()), (EngineState::Running, Some(300)));
-        // Beside it: a move that it sees.
-        world.switch(RUN).await;
-        world.switch(STANDBY).await;
-        world.until("standby", 2, || world.telemetry().ordered.order == Order::Standby).await;
-        // Released while it was handed over, and not armed, nor later.
-        world.lower.set(None);
-        world.switch(STOP).await;
-        world.pass(60.0).await;
-        world.radio.hand_over.set(2000);
-        world.pass(1.0).await;
-        world.switch(STANDBY).await;
-        world.until("released", 60, || !world.telemetry().stop_latched).await;
-        world.radio.hand_over.set(1000);
-        world.pass(5.0).await;
-        assert!(!world.telemetry().armed);
-    });
-}
-
-/// The hand-over channel is a pot on its way out, or a loose wire: whoever has the throttle, it does not jump, and the stop stays.
-#[test]
-fn hand_over_that_comes_and_goes_moves_the_throttle_slowly_and_keeps_the_stop() {
-    each(async |world| {
-        world.start().await;
-        world.radio.stick.set(1900);
-        world.until("full throttle", 5, || world.ordered() == Some(1000)).await;
-        world.lower.set(Some(run_at(100)));
-        world.pass(2.0).await;
-        let mut before = 1000;
-        for n in 0..1500_u32 {
-            let on = match n / 300 {
-                0 => n % 2 == 0,
-                1 => n % 7 < 3,
-                2 => n % 20 < 10,
-                3 => n % 100 < 50,
-                _ => n % 300 < 150,
-            };
-            world.radio.hand_over.set(if on { 2000 } else { 1000 });
-            world.pass(0.02).await;
-            let ordered = world.ordered().unwrap();
-            assert!(ordered <= before + 30, "{n}: from {before} to {ordered} in 20 ms");
-            before = ordered;
-        }
-        assert_eq!((world.state(), world.ignitions()), (EngineState::Running, 1));
-        world.radio.switch.set(STOP);
-        world.until("stop", 1, || world.telemetry().stop_latched).await;
-    });
-}
-
 #[test]
 fn reset_while_stopped_keeps_the_valve_closed() {
-    begin(Kind::Sbus, async |radio, plug, halves| {
-        let memory = memory();
-        let with =
-            |reset| Life { radio, plug, memory: Some((memory, reset)), settings: radio.kind.settings() };
-        life(&with(Reset::PowerLost), halves, async |world| {
-            world.start().await;
-            world.switch(STOP).await;
-            world.pass(1.0).await;
-        })
-        .await;
-        for reset in [Reset::Warm, Reset::PowerLost] {
-            radio.plugged.set(false);
-            life(&with(reset), plug.reset_node(), async |world| {
-                assert_eq!(world.outputs.borrow().valve(), Valve::Closed);
-                assert!(world.outputs.borrow().power(), "its starter cools the turbine");
-                world.pass(20.0).await;
-                assert!(world.telemetry().stop_latched && world.valve.borrow().is_empty());
-            })
-            .await;
-        }
+    let stops = async |world: &World<'_>| {
+        world.start().await;
+        world.switch(STOP).await;
+        world.pass(1.0).await;
+    };
+    let unplugged = |radio: &Radio| radio.plugged.set(false);
+    lives(Kind::Sbus, &[Reset::Warm, Reset::PowerLost], stops, unplugged, async |world| {
+        assert_eq!(world.outputs.borrow().valve(), Valve::Closed);
+        assert!(world.outputs.borrow().power(), "its starter cools the turbine");
+        world.pass(20.0).await;
+        assert!(world.telemetry().stop_latched && world.valve.borrow().is_empty());
     });
 }
 
@@ -704,218 +608,6 @@ fn shut_down_closes_the_valve_at_rest_and_power_ends_when_it_is_cold() {
         assert!(world.outputs.borrow().power());
         world.switch(STOP).await;
         world.until("power off", 5, || !world.outputs.borrow().power()).await;
-    });
-}
-
-#[test]
-fn calibration_takes_the_end_points_and_is_refused_while_the_engine_turns() {
-    each(async |world| {
-        let calibrate = |pulses: &'static [u16]| async move {
-            world.pilot.borrow_mut().begin_calibration().unwrap();
-            for &pulse in pulses {
-                world.radio.stick.set(pulse);
-                world.pass(0.3).await;
-            }
-            let result = world.pilot.borrow_mut().end_calibration();
-            world.radio.stick.set(IDLE);
-            world.pass(1.0).await;
-            result
-        };
-        assert_eq!(world.pilot.borrow_mut().end_calibration(), Err(CalibrationError::NotBegun));
-        world.radio.switch.set(STANDBY);
-        world.until("standby", 60, || world.state() == EngineState::Standby).await;
-        assert_eq!(calibrate(&[IDLE, 1300]).await, Err(CalibrationError::TooShort));
-        assert_eq!(world.pilot.borrow().settings().high, 1900);
-        let (low, high) = calibrate(&[1050, 1500, 1950, 1050]).await.unwrap();
-        // SBUS and CRSF have steps of 5/8 µs.
-        assert!(low.abs_diff(1050) <= 1 && high.abs_diff(1950) <= 1, "{low} to {high}");
-        // A switch that moves meanwhile starts nothing, but stop stops.
-        world.radio.stick.set(1050);
-        world.pilot.borrow_mut().begin_calibration().unwrap();
-        world.switch(RUN).await;
-        assert_eq!(world.commanded(), Some(Command::Present));
-        world.switch(STOP).await;
-        assert!(world.telemetry().stop_latched);
-        assert_eq!(world.pilot.borrow_mut().end_calibration(), Err(CalibrationError::TooShort));
-        world.radio.switch.set(STANDBY);
-        world.radio.stick.set(1050);
-        world.until("armed", 30, || world.telemetry().armed).await;
-        world.pass(2.0).await;
-        world.radio.switch.set(RUN);
-        world.until("ordered to run", 5, || world.ordered() == Some(0)).await;
-        let mut pilot = world.pilot.borrow_mut();
-        assert_eq!(pilot.begin_calibration(), Err(CalibrationError::EngineTurns));
-        assert_eq!(pilot.configure(EngineSettings::DEFAULT), Err(SettingsError::EngineTurns));
-    });
-}
-
-/// A stick whose end is as low as what nobody drives is at idle there.
-#[test]
-fn stick_whose_end_point_is_below_900_us_starts_and_throttles() {
-    begin(Kind::Sbus, async |radio, plug, halves| {
-        let settings = EngineSettings { low: 888, ..radio.kind.settings() };
-        life(&Life { radio, plug, memory: None, settings }, halves, async |world| {
-            radio.stick.set(882);
-            world.pass(2.0).await;
-            world.radio.switch.set(STANDBY);
-            world.until("armed", 30, || world.telemetry().armed).await;
-            world.until("standby", 60, || world.state() == EngineState::Standby).await;
-            world.pass(2.0).await;
-            world.radio.switch.set(RUN);
-            world.until("running", 120, || world.state() == EngineState::Running).await;
-            world.radio.stick.set(1394);
-            world.until("half throttle", 10, || world.ordered() == Some(500)).await;
-        })
-        .await;
-    });
-}
-
-/// Hand-over channel and switch are moved at once, or the hand-over channel comes and goes: the move to standby is not lost.
-#[test]
-fn shut_down_counts_beside_a_hand_over_channel_that_has_not_settled() {
-    each(async |world| {
-        for off in [0.0, 0.02, 0.05] {
-            if world.telemetry().ordered.order == Order::Standby {
-                world
-                    .until("cold", 400, || {
-                        let telemetry = world.telemetry();
-                        let egt =
-                            telemetry.current(telemetry.report.egt).is_some_and(|egt| egt.tenths() < 900);
-                        telemetry.state == EngineState::Standby && egt
-                    })
-                    .await;
-            }
-            world.start().await;
-            world.radio.switch.set(STANDBY);
-            world.pass(off).await;
-            // It is at on for 0.04 s in every 0.1 s.
-            for _ in 0..10 {
-                world.radio.hand_over.set(2000);
-                world.pass(0.04).await;
-                world.radio.hand_over.set(1000);
-                world.pass(0.06).await;
-            }
-            world.until("standby", 2, || world.telemetry().ordered.order == Order::Standby).await;
-        }
-    });
-}
-
-#[test]
-fn without_a_switch_radio_control_moves_the_throttle_and_neither_starts_nor_stops() {
-    begin(Kind::Sbus, async |radio, plug, halves| {
-        let settings = EngineSettings { switch: 0, hand_over: 0, ..radio.kind.settings() };
-        life(&Life { radio, plug, memory: None, settings }, halves, async |world| {
-            for switch in [STOP, STANDBY, RUN] {
-                world.switch(switch).await;
-                world.pass(10.0).await;
-                assert!(world.ordered().is_none() && !world.telemetry().stop_latched);
-            }
-            world.lower.set(Some(Command::Arm));
-            world.pass(0.2).await;
-            world.lower.set(Some(Command::Standby));
-            world.pass(2.0).await;
-            world.lower.set(Some(run_at(0)));
-            world.until("running", 120, || world.state() == EngineState::Running).await;
-            world.radio.stick.set(1500);
-            world.until("half throttle", 5, || world.ordered() == Some(500)).await;
-            world.switch(STOP).await;
-            assert_eq!((world.telemetry().active_source, world.ordered()), (Origin::Rc, Some(500)));
-        })
-        .await;
-    });
-}
-
-#[test]
-fn stick_may_command_a_shaft_speed() {
-    begin(Kind::Crsf, async |radio, plug, halves| {
-        let of = |rpm| Some(Rpm::new(rpm));
-        let settings = EngineSettings { rpm_low: of(30_000), rpm_high: of(90_000), ..radio.kind.settings() };
-        life(&Life { radio, plug, memory: None, settings }, halves, async |world| {
-            world.arm().await;
-            world.pass(20.0).await;
-            world.radio.switch.set(RUN);
-            world.until("running", 120, || world.state() == EngineState::Running).await;
-            world.radio.stick.set(1500);
-            let half = Order::Run(Demand::Rpm(Rpm::new(60_000)));
-            world
-                .until("half", 15, || world.telemetry().commanded == Some(Demand::Rpm(Rpm::new(60_000))))
-                .await;
-            world.until("ordered", 15, || world.telemetry().ordered.order == half).await;
-        })
-        .await;
-    });
-}
-
-/// The pulses of an autopilot are 5 µs longer than its outputs, and RC_RPM_MIN is a choice: neither keeps an engine from a start.
-#[test]
-fn start_by_a_stick_that_commands_a_shaft_speed_needs_the_stick_at_idle_and_no_more() {
-    for (stick, low, above) in [(IDLE, 55_000, 0), (1106, 40_000, 400)] {
-        begin(Kind::Sbus, async |radio, plug, halves| {
-            let of = |rpm| Some(Rpm::new(rpm));
-            let settings = EngineSettings { rpm_low: of(low), rpm_high: of(90_000), ..radio.kind.settings() };
-            life(&Life { radio, plug, memory: None, settings }, halves, async |world| {
-                world.arm().await;
-                world.pass(20.0).await;
-                world.radio.stick.set(stick);
-                world.pass(1.0).await;
-                world.radio.switch.set(RUN);
-                world.until("running", 120, || world.state() == EngineState::Running).await;
-                let ordered = || match world.telemetry().ordered.order {
-                    Order::Run(Demand::Rpm(rpm)) => rpm.get().checked_sub(low),
-                    _ => None,
-                };
-                world.until("ordered", 30, || ordered().is_some_and(|over| over.abs_diff(above) < 100)).await;
-                assert_eq!(world.ignitions(), 1);
-            })
-            .await;
-        });
-    }
-}
-
-#[test]
-fn reversed_stick_and_switch_stop_start_and_throttle_the_engine() {
-    begin(Kind::Sbus, async |radio, plug, halves| {
-        let settings = EngineSettings { reversed: true, switch_reversed: true, ..radio.kind.settings() };
-        radio.stick.set(1900);
-        radio.switch.set(2000);
-        life(&Life { radio, plug, memory: None, settings }, halves, async |world| {
-            world.until("stop", 10, || world.telemetry().stop_latched).await;
-            world.pass(2.0).await;
-            world.radio.switch.set(1500);
-            world.until("armed", 30, || world.telemetry().armed).await;
-            world.until("standby", 60, || world.state() == EngineState::Standby).await;
-            world.pass(2.0).await;
-            world.radio.switch.set(1000);
-            world.until("running", 120, || world.state() == EngineState::Running).await;
-            world.radio.stick.set(1300);
-            world.until("75 %", 10, || world.ordered() == Some(750)).await;
-        })
-        .await;
-    });
-}
-
-#[test]
-fn damaged_settings_start_nothing_until_they_are_confirmed() {
-    run(Kind::Sbus, async |world| {
-        world.arm().await;
-        world.pilot.borrow_mut().set_damaged(true);
-        world.switch(RUN).await;
-        world.pass(2.0).await;
-        let refused = world.outcomes.borrow().iter().any(|(_, outcome)| *outcome == Outcome::SettingsDamaged);
-        assert!(refused && world.ordered().is_none());
-        world.pilot.borrow_mut().set_damaged(false);
-        world.pass(5.0).await;
-        assert_eq!(world.ordered(), None, "a start that was refused takes a new move");
-        world.switch(STANDBY).await;
-        world.pass(1.0).await;
-        world.radio.switch.set(RUN);
-        world.until("running", 120, || world.state() == EngineState::Running).await;
-        // A running engine keeps its throttle and its stop.
-        world.pilot.borrow_mut().set_damaged(true);
-        world.radio.stick.set(1500);
-        world.until("half throttle", 10, || world.ordered() == Some(500)).await;
-        world.switch(STOP).await;
-        assert!(world.telemetry().stop_latched);
     });
 }
 

@@ -4,7 +4,9 @@
 mod crsf;
 mod edges;
 mod engine;
+mod engine_settings;
 mod frames;
+mod hand_over;
 mod outputs;
 #[cfg(feature = "mavlink")]
 mod parameters;

@@ -223,7 +223,7 @@ fn wait_begins_anew_when_the_order_is_followed_for_a_moment() {
     assert_eq!(outputs.valve(), Valve::Closed);
 }
 
-/// The switch comes back as ordered, and the engine goes on: shaft speed or exhaust show it, after 8 s.
+/// The switch comes back as ordered, and the engine keeps running: shaft speed or exhaust show it, after 8 s.
 #[test]
 fn an_engine_that_does_not_slow_down_in_standby_loses_its_fuel_and_one_that_does_keeps_it_until_it_is_at_rest()
  {
@@ -254,7 +254,7 @@ fn an_engine_that_does_not_slow_down_in_standby_loses_its_fuel_and_one_that_does
     assert_eq!(of(|ms| Some(60_000 - ms as u32 / 10), |ms| Some(600 + (ms / 100 % 3) as i16)), Some(8000));
     assert_eq!(standby(|_| Some(60_000), |_| None, Origin::Rc, long), Some(23_000));
     assert_eq!(standby(|_| Some(60_000), |_| None, Origin::Rc, OutputSettings { not_obeyed: None }), None);
-    // It goes down to the speed at which the starter cools it, and the exhaust goes on falling.
+    // It goes down to the speed at which the starter cools it, and the exhaust keeps falling.
     let down = |ms: u64| Some(60_000_u32.saturating_sub(ms as u32 * 5).max(4000));
     // Cold, and turned all the while.
     let cooled = of(down, |ms| Some((600 - (ms / 200) as i16).max(80)));

@@ -309,6 +309,60 @@ fn frame_with_a_fault_of_the_uart_does_not_count() {
     }
 }
 
+/// What people see of a receiver: each kind of damage has its own count.
+#[test]
+fn what_was_received_is_counted_for_people() {
+    use crate::reception::{Reception, Unused};
+    let reception = |input: &Input| input.reception();
+    let mut sbus_input = Input::Sbus(Sbus::new());
+    let mut at = Instant::from_millis(100);
+    let mut send = |input: &mut Input, bytes: &[u8]| {
+        at += Duration::from_millis(14);
+        input.receive(at, bytes);
+    };
+    let centred = [992; 16];
+    // The first one after a power-up is none.
+    for flags in [0, 0, 0x04, 0x0C] {
+        send(&mut sbus_input, &sbus(centred, flags));
+    }
+    send(&mut sbus_input, &sbus(centred, 0x10));
+    send(&mut sbus_input, &sbus(centred, 0)[..20]);
+    send(&mut sbus_input, &sbus(centred, 0));
+    let counted = reception(&sbus_input);
+    assert_eq!(counted, Reception { good: 4, without_link: 1, lost: 1, damaged: 2, implausible: 0 });
+    assert_eq!(
+        std::format!("{counted}"),
+        "4 good, 1 of them without a link, 1 lost; 2 damaged, 0 implausible"
+    );
+
+    let mut crsf_input = Input::Crsf(Crsf::new());
+    send(&mut crsf_input, &crsf(centred));
+    send(&mut crsf_input, &sim::receiver::crsf_link(0));
+    send(&mut crsf_input, &crsf(centred));
+    let mut damaged = crsf(centred);
+    damaged[7] ^= 1;
+    send(&mut crsf_input, &damaged);
+    let Reception { good, without_link, lost, damaged, implausible } = reception(&crsf_input);
+    assert_eq!((good, without_link, lost, implausible), (2, 1, 0, 0));
+    assert!(damaged >= 1);
+
+    let mut pulses = Input::Pwm(crate::pwm::Pwm::new());
+    for (number, width, period) in [(1, 1500, 20_000), (4, 1500, 20_000), (2, 2201, 20_000), (3, 1500, 2499)]
+    {
+        pulses.pulse(at, number, width, period);
+    }
+    assert_eq!(reception(&pulses), Reception { good: 2, implausible: 2, ..Reception::default() });
+
+    let counters = crate::pilot::PilotCounters { commanded: 9, ..Default::default() };
+    assert!(!Unused(counters).is_any());
+    let counters = crate::pilot::PilotCounters { throttle_beyond: 3, gaps: 1, ..counters };
+    assert!(Unused(counters).is_any());
+    assert_eq!(
+        std::format!("{}", Unused(counters)),
+        "not used: 0 with a silent channel, 3 with an implausible throttle, 0 with an unclear switch; gaps: 1, refused starts: 0"
+    );
+}
+
 #[test]
 fn port_that_fails_is_read_again_after_a_pause() {
     run(false, async |world| {

@@ -85,6 +85,8 @@ pub struct Radio {
     pub plugged: Cell<bool>,
     /// A channel of pulses that has no wire, from 1.
     pub cut: Cell<u8>,
+    /// Stick and switch of a second receiver on the line, which sends every second frame.
+    pub second: Cell<Option<(u16, u16)>>,
 }
 
 /// Everything that a test looks at and moves.
@@ -201,8 +203,11 @@ impl World<'_> {
             if !self.radio.plugged.get() {
                 continue;
             }
-            let (stick, switch, hand) =
-                (self.radio.stick.get(), self.radio.switch.get(), self.radio.hand_over.get());
+            let own = (self.radio.stick.get(), self.radio.switch.get());
+            let every = self.radio.kind.every().as_ticks();
+            let is_second = now.as_ticks() / every % 2 == 1;
+            let (stick, switch) = self.radio.second.get().filter(|_| is_second).unwrap_or(own);
+            let hand = self.radio.hand_over.get();
             let mut channels = [992; 16];
             (channels[2], channels[4], channels[5]) = (steps(stick), steps(switch), steps(hand));
             let on = self.radio.on.get();
@@ -272,6 +277,13 @@ impl World<'_> {
     }
 }
 
+/// The scenario with each kind of receiver.
+pub fn each(scenario: impl AsyncFn(&World<'_>)) {
+    for kind in Kind::ALL {
+        run(kind, async |world| scenario(world).await);
+    }
+}
+
 /// Runs a scenario with one life of a node, the whole from power-up.
 pub fn run(kind: Kind, scenario: impl AsyncFnOnce(&World<'_>)) {
     begin(kind, async |radio, plug, halves| {
@@ -321,6 +333,7 @@ pub fn begin(kind: Kind, scenario: impl AsyncFnOnce(&Radio, &Plug<ZkEcu>, (WireR
         on: Cell::new(true),
         plugged: Cell::new(true),
         cut: Cell::new(0),
+        second: Cell::new(None),
     };
     clock::run(select(plug.run(), scenario(&radio, &plug, (rx, tx))));
 }

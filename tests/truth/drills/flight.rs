@@ -137,7 +137,7 @@ impl Director {
                 let length = all + last + rng.between(6, 10) * SECOND;
                 vec![fault(wire, length), Step::Wait(length)]
             }
-            0 => vec![fault(Fault::CutToNode, rng.spread(200 * MS, 8 * SECOND))],
+            0 => vec![fault(Fault::CutToNode, self.outlived(rng.spread(200 * MS, 8 * SECOND)))],
             1 | 2 => vec![Step::Reset(
                 rng.pick(&[Cause::Watchdog, Cause::Watchdog, Cause::BrownOut, Cause::PowerOn]),
                 rng.spread(5 * MS, 300 * MS),
@@ -284,7 +284,7 @@ impl Director {
         let mut steps = Vec::new();
         match rng.below(4) {
             0 => steps.push(fault(Fault::CutToEcu, self.outlived(rng.between(3000, 5000) * MS))),
-            1 => steps.push(fault(Fault::CutToNode, rng.between(3000, 6000) * MS)),
+            1 => steps.push(fault(Fault::CutToNode, self.outlived(rng.between(3000, 6000) * MS))),
             _ => {}
         }
         let by = rng.below(4) as usize;

@@ -27,7 +27,7 @@ pub enum Step {
 /// What a drill waits for.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Condition {
-    /// The shaft stands, and it is cool enough for a start.
+    /// The shaft is at rest, and it is cool enough for a start.
     Ready,
     Starts,
     /// It runs, or is out.
@@ -196,7 +196,7 @@ impl Director {
         others.chain([stream(self.main, self.flies()), Step::Wait(settles * SECOND)]).collect()
     }
 
-    /// The same source goes on, so that what a drill leads to shows.
+    /// The same source continues, so that what a drill leads to shows.
     fn recover(&self) -> Vec<Step> {
         let others = (0..4).filter(|source| *source != self.main).map(silent);
         others.chain([stream(self.main, self.flies()), Step::Wait(5 * SECOND)]).collect()

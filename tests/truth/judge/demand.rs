@@ -103,7 +103,7 @@ impl Case<'_> {
         let rpm = |commanded: &Commanded| matches!(commanded.command, PilotCommand::Run(Demanded::Rpm(_)));
         self.h.rules.governor
             && self.command_log.run_in_control(at).is_some()
-            && self.command_log.run_in_control(since).is_some()
+            && matches!(self.command_log.run_in_control(since), Some((_, Demanded::Rpm(_))))
             && commands.all(rpm)
     }
 

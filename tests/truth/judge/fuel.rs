@@ -7,9 +7,10 @@ use sim::turbine::Phase;
 /// Services that move fuel or heat: drain, glow plug, valves, pump, pump held open. The starter does neither.
 const MOVES: [u8; 6] = [1, 2, 3, 4, 5, 12];
 const OPEN_PUMP: u8 = 12;
-const CLOSE_PUMP: u8 = 13;
+/// ZK's ClosePump.
+pub(super) const CLOSE_PUMP: u8 = 13;
 /// Frames with which a pump is closed.
-const CLOSING: usize = 10;
+pub(super) const CLOSING: usize = 10;
 
 impl Case<'_> {
     pub(super) fn fuel(&mut self) {
@@ -79,7 +80,13 @@ impl Case<'_> {
         let commands = |higher| {
             let nothing = self.command_log.until(higher, at).iter().rev().take(40);
             let nothing = nothing.clone().any(|(_, command)| *command == PilotCommand::Nothing);
-            !nothing && self.command_log.commands_since(higher, at).is_some_and(|since| at >= since + long)
+            // A single order to shut down is no stream.
+            let streamed = self.command_log.until(higher, at).iter().rev();
+            let streamed = streamed.clone().find(|(_, command)| *command != PilotCommand::ShutDown);
+            let steady = |since| {
+                streamed.is_some_and(|(last, _)| *last >= since + rules.recover_after && at >= since + long)
+            };
+            !nothing && self.command_log.commands_since(higher, at).is_some_and(steady)
         };
         (0..source).any(commands) && !self.down.touches(at.saturating_sub(long), at)
     }

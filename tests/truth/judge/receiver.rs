@@ -13,6 +13,12 @@ const PAUSE: u64 = 200 * MS;
 const RETURN: u64 = SECOND;
 const HELD: u64 = 60 * MS;
 const HELD_AFTER_A_PAUSE: u64 = 300 * MS;
+/// A throttle that steps by this, in µs, and within this time by as much in the other direction, three times in a row, is not a stick.
+const STEP: u16 = 200;
+const STEPS_APART: u64 = 100 * MS;
+const IN_TURNS: u8 = 3;
+/// It is silence for this long from the last such step on.
+const SILENT: u64 = SECOND;
 /// Least pulse of a stop beside a channel that cannot be read, µs.
 const DRIVEN: u16 = 900;
 
@@ -136,9 +142,29 @@ struct Eyes {
     was_handed_over: bool,
     /// First and last frame of those that cannot be read, with the switch at stop.
     stop: Option<(u64, u64)>,
+    /// The throttle of the last frame, its last step and whether it went up, how many went to and fro, and until when it is none.
+    throttle: Option<u16>,
+    step: Option<(u64, bool)>,
+    steps: u8,
+    none_until: u64,
 }
 
 impl Eyes {
+    /// Whether two senders move the throttle in turns.
+    fn goes_to_and_fro(&mut self, at: u64, throttle: u16) -> bool {
+        let before = self.throttle.replace(throttle).unwrap_or(throttle);
+        if throttle.abs_diff(before) >= STEP {
+            let up = throttle > before;
+            let back = self.step.is_some_and(|(last, was_up)| up != was_up && at <= last + STEPS_APART);
+            self.steps = if back { self.steps.saturating_add(1) } else { 1 };
+            self.step = Some((at, up));
+            if self.steps >= IN_TURNS {
+                self.none_until = at + SILENT;
+            }
+        }
+        at < self.none_until
+    }
+
     fn see(&mut self, at: u64, rules: &RadioRules, channels: &Channels, idle_band: u32) -> Shown {
         // 992 is 1500 µs, and 8 steps are 5 µs.
         let pulse = |number: u8| {
@@ -158,7 +184,8 @@ impl Eyes {
         let driven = throttle >= DRIVEN || throttle + 10 >= rules.low;
         let in_range =
             driven && throttle + rules.beyond >= rules.low && throttle <= rules.high + rules.beyond;
-        let (Some(position), Some(hand_over), true) = (position, hand_over, in_range) else {
+        let in_turns = self.goes_to_and_fro(at, throttle);
+        let (Some(position), Some(hand_over), true) = (position, hand_over, in_range && !in_turns) else {
             let at_stop = position == Some(Position::Stop) && switch >= DRIVEN;
             let row = self.stop.filter(|(_, last)| at <= last + PAUSE).map_or(at, |(first, _)| first);
             self.stop = at_stop.then_some((row, at));

@@ -1,7 +1,7 @@
 //! What the demand may be while a start is under way, how fast it may fall, and how long orders of that kind last.
 
 use super::case::{Case, Rule, seconds};
-use crate::history::{Cause, Demanded, MS, Mark, PilotCommand, SECOND, Sent, Switch};
+use crate::history::{Cause, Demanded, MS, Mark, PilotCommand, Reset, SECOND, Sent, Switch};
 use sim::turbine::Phase;
 
 /// Resolution of the wire, 0.1 %.
@@ -23,7 +23,7 @@ impl Case<'_> {
             }
             let since = at.saturating_sub(h.rules.period + 150 * MS);
             let Some((lit, out)) = self.live.last_before(since) else { continue };
-            // One that the ECU began itself, or right behind another, goes on at the demand that it had.
+            // One that the ECU began itself, or right behind another, continues at the demand that it had.
             let again =
                 h.marks.iter().any(|(when, mark)| *mark == Mark::Relight && (lit..=at).contains(when));
             let samples = h.samples(lit, at);
@@ -91,8 +91,13 @@ impl Case<'_> {
         let h = self.h;
         for frame in h.frames.iter().filter(|_| h.rules.governor) {
             let Sent::Full(Switch::Run, tenths) = frame.sent else { continue };
+            // A node that has forgotten its demand continues with the throttle that it finds, until a source takes over.
+            let taken = frame.at.saturating_sub(8 * SECOND + h.rules.recover_after + h.rules.takeover);
+            let forgets =
+                |reset: &Reset| reset.cause != Cause::Watchdog && (taken..=frame.at).contains(&reset.up);
             if tenths > h.rules.authority + STEP as u32
                 && self.governed(frame.at)
+                && !h.resets.iter().any(forgets)
                 && self.known_to_run(frame.at)
             {
                 let text = format!(

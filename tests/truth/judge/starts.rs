@@ -240,8 +240,8 @@ impl Case<'_> {
             if mark != Mark::Ignition || h.pwm.contains(at) {
                 continue;
             }
-            // An ECU that receives nothing any more acts on the last command that came to it.
-            let frames = &h.frames[..h.frames.partition_point(|frame| frame.at <= at)];
+            // An ECU that receives nothing any more acts on the last command that came to it, whole.
+            let frames = &h.frames[..h.frames.partition_point(|frame| frame.at + h.rules.frame <= at)];
             let received = frames.iter().rev().find(|frame| frame.arrived && frame.sent.switch().is_some());
             let sent = received
                 .filter(|frame| frame.sent.switch() == Some(Switch::Run))
@@ -287,7 +287,7 @@ impl Case<'_> {
                 let faults = self.faults.within(*to, at) + 2 * h.rules.period >= at.saturating_sub(*to);
                 let unanswered = at < to + h.rules.period + 50 * MS || faults;
                 let silent = sent + 2 * h.rules.period + 50 * MS >= *from && unanswered;
-                // With error sets the order goes on until the exhaust shows that the engine is out.
+                // With error sets the order continues until the exhaust shows that the engine is out.
                 let faulted = self.faults.contains(sent) && self.live.longer(4 * SECOND).contains(sent);
                 self.is_amt()
                     && silent
@@ -328,8 +328,10 @@ impl Case<'_> {
             // fault before that, and starts again on the run that it was sent, cannot be seen. Nor can one whose exhaust is still hot
             // and falls slowly, because its fast fall was explained by a lower demand.
             let tripped = out.is_some_and(|out| {
+                // A fall that shows, or a demand that is lowered, after the last set that was answered with run is too late.
+                let answered = at.min(sent + h.rules.period + 50 * MS);
                 // A fall proves nothing within 5 s after the demand was lowered, by the stages of loss too.
-                let lowered = self.last_lowered(out.saturating_sub(LOWERED), at);
+                let lowered = self.last_lowered(out.saturating_sub(LOWERED), answered);
                 let counts = lowered.map_or(out, |lowered| out.max(lowered + LOWERED));
                 let since = h.samples(out, at.saturating_sub(100 * MS));
                 // Nor can what is not measured.
@@ -353,7 +355,7 @@ impl Case<'_> {
                     // Nor does a node see the exhaust fall that is reset again before it has.
                     && (unmeasured
                         || self.longest_up(counts, at.saturating_sub(100 * MS)) < 4 * SECOND
-                        || self.fallen(counts.max(up), at).is_none())
+                        || self.fallen(counts.max(up), answered).is_none())
             });
             if let Some(out) = out.filter(|_| tripped) {
                 self.verdict.exempt("AMT, a trip that clears while the exhaust is hot", at - out);

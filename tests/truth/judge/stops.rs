@@ -1,10 +1,9 @@
 //! Emergency stops, what the ECU's version knows, and frames that no document knows.
 
 use super::case::{Case, Rule, seconds};
+use super::fuel::{CLOSE_PUMP, CLOSING};
 use crate::history::{Cause, Commanded, Frame, MS, PilotCommand, SECOND, Sent, Spans, Switch};
 
-/// ZK's ClosePump.
-const CLOSE_PUMP: u8 = 13;
 /// Frames within two slots, of which one may go out at once, and one right behind another that needs it.
 const AT_ONCE: usize = 5;
 
@@ -81,11 +80,15 @@ impl Case<'_> {
         for (from, to) in latches {
             let first = h.frames.partition_point(|frame| frame.at < from);
             let frames = || h.frames[first..].iter().take_while(move |frame| frame.at < to);
-            // A pump is closed after the first stop.
+            // A pump is closed after the first stop. Where a stop was the last frame, it continues.
+            let before = &h.frames[..first];
+            let before = before.iter().rev().find_map(|frame| frame.sent.switch());
             let first_stop = frames().find(|frame| is_stop(frame)).map_or(to, |frame| frame.at);
             let closes = |frame: &&Frame| frame.sent == Sent::Action(CLOSE_PUMP);
-            if let Some(frame) =
-                frames().find(closes).filter(|frame| frame.at > from + 2 * MS && frame.at < first_stop)
+            if let Some(frame) = frames()
+                .find(closes)
+                .filter(|frame| frame.at > from + 2 * MS && frame.at < first_stop)
+                .filter(|_| before != Some(Switch::Stop))
             {
                 let text = format!("stopped at {}, and the pump is closed first", seconds(from));
                 self.verdict.finding(Rule::Stop, frame.at, text);
@@ -95,8 +98,6 @@ impl Case<'_> {
             let free =
                 !self.down.longer(700 * MS).touches(from, at_once) && !self.stalled().touches(from, at_once);
             // One that is latched already is in every slot.
-            let before = &h.frames[..h.frames.partition_point(|frame| frame.at < from)];
-            let before = before.iter().rev().find_map(|frame| frame.sent.switch());
             let free = free && before != Some(Switch::Stop);
             if !self.is_amt() && free && at_once < to && first_stop > at_once {
                 let text = format!(
@@ -119,7 +120,7 @@ impl Case<'_> {
                 if close {
                     closes += 1;
                 }
-                let allowed = close && !closed_last && closes <= 10;
+                let allowed = close && !closed_last && closes <= CLOSING;
                 closed_last = close;
                 !allowed && !is_stop(frame)
             });

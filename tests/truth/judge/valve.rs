@@ -100,7 +100,7 @@ impl Case<'_> {
                 matches!(of.command, PilotCommand::ShutDown | PilotCommand::Stop | PilotCommand::Ctf)
             };
             let wanted = wanted || h.commanded(at.saturating_sub(20 * SECOND), at).iter().any(for_good);
-            // A node in standby goes on with it over a reset; what a loss or a limit ended is on the wire.
+            // A node in standby continues with it over a reset; what a loss or a limit ended is on the wire.
             let and_next = h.frames_within(at.saturating_sub(NOT_OBEYED), at + LATE + 2 * h.rules.period);
             let ended = and_next.iter().any(|frame| frame.sent.switch() == Some(Switch::Standby));
             if begins.is_some_and(|reset| self.failed_before(reset.up, COUNTS_MORE) >= MAY_CLOSE) {

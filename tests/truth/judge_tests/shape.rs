@@ -280,6 +280,28 @@ fn a_governor_gives_no_more_than_it_may() {
     };
     story(600).passes();
     story(700).breaks(&[Rule::HeldUp]);
+    let over = |story: Story| story.judged().rules().contains(&Rule::HeldUp);
+    assert!(over(story(700)));
+    // One that forgets what it was commanded continues with the throttle that it finds.
+    for (cause, passes) in [(Cause::BrownOut, true), (Cause::Watchdog, false)] {
+        let reset = move |at: u64| Reset { down: at, up: at + 100 * MS, cause };
+        // Before the frames above the authority, and again and again.
+        let resets =
+            move |h: &mut History| h.resets = (31..60).step_by(5).map(|s| reset(s * SECOND)).collect();
+        assert_eq!(over(story(700).with(resets)), !passes, "{cause:?}");
+    }
+    // Nor does the throttle of before count that a source has left, while an rpm waits to take over.
+    let waits = |h: &mut History| {
+        let before = |commanded: &mut Commanded| {
+            if commanded.at < 51_800 * MS && matches!(commanded.command, PilotCommand::Run(Demanded::Rpm(_)))
+            {
+                commanded.command = PilotCommand::Run(Demanded::Throttle(700));
+            }
+        };
+        h.commanded.iter_mut().for_each(before);
+        h.commanded.retain(|commanded| !(51_800 * MS..54 * SECOND).contains(&commanded.at));
+    };
+    assert!(!over(story(700).with(waits)));
 }
 
 #[test]

@@ -135,6 +135,24 @@ fn but(from: f64, to: f64, commands: &[(f64, f64, PilotCommand)]) -> Vec<(f64, f
     all
 }
 
+/// From 35 s to 35.28 s every second frame is another receiver's, with its stick at idle: the third step from one to the other is silence,
+/// until 1 s after the last one.
+#[test]
+fn a_throttle_of_two_receivers_in_turns_commands_nothing() {
+    let in_turns = || {
+        let frame = |flown: Flown, i: u32| {
+            let sends = if i.is_multiple_of(2) { RUN_AT_IDLE } else { RUN_AT_HALF };
+            flown.sends(35.0 + f64::from(i) * 0.014 - 0.001, sends)
+        };
+        (0..20).fold(flown(40.0), frame)
+    };
+    let first = [(35.02, 35.04, run(0)), (35.04, 35.05, run(500))];
+    is_silent(in_turns().commands(&but(35.02, 36.27, &first)));
+    speaks(in_turns().commands(&but(35.02, 36.0, &first)), "a channel cannot be read");
+    let none = in_turns().commands(&but(35.02, 38.0, &first));
+    assert!(!findings(none).is_empty(), "afterwards the stick counts again");
+}
+
 #[test]
 fn commands_of_radio_control_are_those_of_its_sticks() {
     is_silent(flown(40.0).commands(&FLIGHT));

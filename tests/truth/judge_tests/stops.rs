@@ -92,6 +92,20 @@ fn a_stop_is_in_every_frame_until_its_release() {
     };
     first(40.0).with(|h| h.frames.retain(|f| f.sent != Sent::Action(13))).passes();
     first(40.1).breaks(&[Rule::Stop]);
+    // Nor before the first of another stop, if a stop was not the last frame before it.
+    let again = |between| {
+        flight(ZK5, 40.0)
+            .once(2, 40.0, PilotCommand::Stop)
+            .wire(40.1, 44.0, STOP)
+            .turbine(40.0, 50.0, Phase::Stopped, 0.0, 400.0)
+            .once(2, 44.0, PilotCommand::Release)
+            .wire(44.0, 45.0, between)
+            .once(2, 45.02, PilotCommand::Stop)
+            .wire(45.04, 45.05, Sent::Action(13))
+            .wire(45.05, 50.0, STOP)
+    };
+    again(STOP).passes();
+    again(STANDBY).breaks(&[Rule::Stop]);
 }
 
 #[test]
@@ -159,6 +173,22 @@ fn services_that_move_fuel_are_commanded_in_standby_cold_and_armed() {
     story(PilotCommand::Service(5)).with(cooling).breaks(&[Rule::Service]);
     let hot = |h: &mut History| h.samples.iter_mut().for_each(|sample| sample.egt = 130.0);
     story(PilotCommand::Service(5)).with(hot).breaks(&[Rule::Service]);
+    // Behind a higher source that streams commands; a single order to shut down is no stream.
+    let behind = |streams: f64| {
+        let long = |h: &mut History| h.rules.ages = [10 * SECOND; 4];
+        ready(ZK5)
+            .streams(PILOT, 3.0, 11.0, PilotCommand::Standby)
+            .streams(0, 4.0, streams, PilotCommand::Standby)
+            .once(0, 9.0, PilotCommand::ShutDown)
+            .once(PILOT, 10.0, PilotCommand::Service(5))
+            .wire(4.0, 10.0, STANDBY)
+            .wire(10.05, 10.06, pump)
+            .wire(10.1, 12.0, STANDBY)
+            .turbine(3.0, 12.0, Phase::Standby, 0.0, 15.0)
+            .with(long)
+    };
+    behind(4.3).passes();
+    behind(8.0).breaks(&[Rule::Service]);
 }
 
 #[test]

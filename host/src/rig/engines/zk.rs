@@ -7,6 +7,9 @@ use jetlink::ecu::zk::codec::Rate;
 use sim::ecu::Nanos;
 use sim::zk;
 
+/// Version from which an ECU takes the modes `Split` and `Rpm` (ZK-9).
+const MODES_SINCE: u8 = 4;
+
 /// The simulated ECU.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Ecu {
@@ -66,8 +69,8 @@ impl Described for Ecu {
             "rpm" => Mode::Rpm,
             other => return Err(format!("mode=`{other}` is not known: write throttle, split or rpm")),
         };
-        if mode != Mode::Throttle && version < 4 {
-            return Err(format!("mode={wanted} needs version=4 or higher"));
+        if mode != Mode::Throttle && version < MODES_SINCE {
+            return Err(format!("mode={wanted} needs version={MODES_SINCE} or higher"));
         }
         let mut config = EngineConfig::zk(name, port, description.line(9600)?, rate);
         if let EcuConfig::Zk(zk) = &mut config.ecu {
@@ -81,7 +84,7 @@ impl Described for Ecu {
     }
 
     fn has_speed_control(self) -> bool {
-        self.version >= 4
+        self.version >= MODES_SINCE
     }
 
     fn stops_without_commands(self) -> Option<Nanos> {

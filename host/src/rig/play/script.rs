@@ -92,7 +92,7 @@ impl Script {
                 given.push(first);
             }
             if matches!(first, "standby" | "valves" | "silence") && !rest.is_empty() {
-                return Err(wrong(&format!("`{first}` stands alone: without the line it is off")));
+                return Err(wrong(&format!("`{first}` takes no value: without the line it is off")));
             }
             match first {
                 "seed" => {
@@ -297,9 +297,9 @@ mod tests {
             (format!("{head}2 left arm\n1 left start"), "line 3"),
             (format!("{head}seed 1\nseed 2"), "line 3, `seed 2`: `seed` is given twice"),
             (format!("{head}2 end\n3 left arm"), "nothing follows"),
-            (format!("{head}standby no"), "line 2, `standby no`: `standby` stands alone"),
-            (format!("{head}valves off"), "`valves` stands alone"),
-            (format!("{head}silence 3"), "`silence` stands alone"),
+            (format!("{head}standby no"), "line 2, `standby no`: `standby` takes no value"),
+            (format!("{head}valves off"), "`valves` takes no value"),
+            (format!("{head}silence 3"), "`silence` takes no value"),
         ] {
             let error = Script::parse(&text).unwrap_err();
             assert!(error.contains(part), "{text}: {error}");

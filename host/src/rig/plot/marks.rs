@@ -1,4 +1,4 @@
-//! Where the names of what happened stand: in lines of text above the curves, so that no name stands on another one or is
+//! Where the names of what happened are placed: in lines of text above the curves, so that no name covers another one or is
 //! crossed by the line below a name.
 
 use super::super::chronicle::Happening;
@@ -26,7 +26,7 @@ pub struct Mark {
 }
 
 impl Mark {
-    /// From where to where its name stands.
+    /// From where to where its name reaches.
     fn span(&self) -> (f64, f64) {
         let wide = width(&self.text, SMALL) + BETWEEN;
         if self.at_left { (self.x - wide, self.x) } else { (self.x, self.x + wide) }
@@ -57,7 +57,7 @@ pub fn marks(happened: &[Happening], time: &Scale, sides: (f64, f64)) -> Vec<Mar
         })
     });
     let mut marks: Vec<Mark> = seen.collect();
-    // Those that have only the place at their left come first, from the last one on: each stands above those before it.
+    // Those that have only the place at their left come first, from the last one on: each is above those before it.
     let (forced, free): (Vec<usize>, Vec<usize>) =
         (0..marks.len()).partition(|&i| marks.get(i).is_some_and(|mark| mark.span().1 > sides.1));
     for (i, at_right) in
@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn no_name_stands_on_another_one_or_is_crossed() {
+    fn no_name_covers_another_one_or_is_crossed() {
         let time = Scale::new(0.0..100.0, SIDES.0..SIDES.1);
         for seed in 1..200_u32 {
             let t = |i: u32| f64::from((seed * 7919 + i * i * 131 * seed) % 1000) / 10.0;
@@ -128,7 +128,7 @@ mod tests {
                 }
             }
         }
-        // Two close to the end: the earlier one stands below the later one.
+        // Two close to the end: the earlier one is below the later one.
         let marks = marks(&of([98.0, 99.0].into_iter()), &time, SIDES);
         assert_eq!(
             marks.iter().map(|mark| (mark.lane, mark.at_left)).collect::<Vec<_>>(),

@@ -28,7 +28,7 @@ const HEIGHT: f64 =
 const SHORTEST_GAP: f64 = 4.0;
 /// Between two places that are tried for a text.
 const STEP: f64 = 8.0;
-/// A name that has no room where it belongs stands so far beside it, at least and at most.
+/// Least and greatest distance of a name from where it belongs, if there is no room there.
 const LEADER: (f64, f64) = (12.0, 240.0);
 /// The middle of a text above its line of writing, in parts of its size.
 const MIDDLE: f64 = 0.26;

@@ -150,7 +150,7 @@ impl Svg {
         ));
     }
 
-    /// A text at the first of these places where no other text and no line is; nowhere if there is none. It stands clear of
+    /// A text at the first of these places where no other text and no line is; nowhere if there is none. It keeps clear of
     /// what is drawn before it.
     pub fn place(
         &mut self,
@@ -167,7 +167,7 @@ impl Svg {
         free.is_some()
     }
 
-    /// The same for a text that stands apart from what it names: a leader goes from its nearer end to that point, over lines
+    /// The same for a text that is apart from what it names: a leader goes from its nearer end to that point, over lines
     /// and not over texts. The text begins at its place.
     pub fn place_with_leader(
         &mut self,

@@ -118,7 +118,7 @@ impl Control for AtOnce {
     }
 }
 
-/// The verdict is there while a person has not decided yet how it goes on, and no time passes.
+/// The verdict is there while a person has not decided yet what comes next, and no time passes.
 #[test]
 fn a_script_file_on_a_terminal_ends_with_the_verdict_on_the_screen() {
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/captures/played.txt");

@@ -100,7 +100,7 @@ fn texts(
     width: usize,
 ) -> Vec<Line<'static>> {
     let styled = |text: String, tone| Span::styled(theme.cut(&text, width), theme.style(tone));
-    // Where there are no colours a mark stands for what is wrong.
+    // Where there are no colours a mark shows what is wrong.
     let sign = |text: &str, tone| match theme.sign(tone) {
         Some(sign) if tone != Tone::Quiet => format!("{text}{sign}"),
         _ => text.to_owned(),

@@ -102,7 +102,7 @@ fn row(model: &Model, theme: Theme, engine: usize, sample: &Sample, widths: &[us
         }
         _ => sample.link_name().to_owned(),
     };
-    // Where a mark stands for a colour it takes a letter.
+    // A mark in place of a colour takes a letter.
     let room = width(7).saturating_sub(usize::from(theme.sign(source(sample)).is_some()));
     let source_text = first_that_fits(&[sample.in_control_text(), brief(sample)], room, theme.mark());
     // The word for all steps of a start, where that of the step has no room.

@@ -451,7 +451,7 @@ fn without_colours_a_mark_shows_what_is_wrong() {
 
 /// A value that is not there has no mark, and a mark takes no letter from a text without one.
 #[test]
-fn a_mark_stands_only_behind_a_value_that_is_there() {
+fn a_mark_only_follows_a_value_that_is_there() {
     let cut = [(50.0, char('f')), (50.1, char('c'))];
     for (end, theme, value) in [(51.5, PLAIN, "?"), (55.0, PLAIN, " -  "), (55.0, COLOUR, " -  ")] {
         let played = pair(end, &cut, "marks");

@@ -22,7 +22,9 @@ use crate::debounce::{Debounced, DebouncedState};
 use crate::ecu::{Faults, Service as AnyService};
 use crate::event::Event;
 use crate::line::{Line, LineError, Timing};
-use crate::link::{Beat, Link, LinkMonitor, LinkStatus, Outbox, Output, Sign, Speaks, Stage, Transmission};
+use crate::link::{
+    Beat, Damage, Link, LinkMonitor, LinkStatus, Outbox, Output, Sign, Speaks, Stage, Transmission,
+};
 use crate::report::{EcuState, NotSent, Phase, RawFrame, Reading, ReportedSwitch, Timed, bump};
 use crate::units::{Hectopascals, Rpm, Throttle};
 use embassy_time::{Duration, Instant};
@@ -45,10 +47,7 @@ pub struct AmtLink {
     sign: Option<Sign>,
     /// The transmission of CTF was reported.
     ctf_ordered: bool,
-    /// The UART reported a line error in the frame being received: its values will be discarded.
-    damaged: bool,
-    /// It reported one since the last bytes.
-    fault: bool,
+    damage: Damage,
     /// End of the window of the reply that is being sent.
     sending: Option<Instant>,
     /// Time at which the last answered set was complete.
@@ -76,8 +75,7 @@ impl AmtLink {
             beat: Beat::new(FRAME_LEN as u8, line, SET_INTERVAL),
             sign: None,
             ctf_ordered: false,
-            damaged: false,
-            fault: false,
+            damage: Damage::default(),
             sending: None,
             replied: None,
             due: None,
@@ -90,7 +88,7 @@ impl AmtLink {
     fn frame(&mut self, now: Instant, frame: &Frame) {
         // There is no checksum, so only a line error distinguishes a damaged frame from a good one. The frame's
         // values are discarded, but it is still answered. A line that damages every frame counts as lost.
-        if core::mem::take(&mut self.damaged) {
+        if self.damage.reaches_back(frame.raw().len()) {
             bump(&mut self.status.counters.damaged_frames);
             self.sign = Some(Sign::Damaged);
         } else {
@@ -307,24 +305,18 @@ impl Link for AmtLink {
     }
 
     fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
-        let cut_off = self.decoder.counters().truncated;
         let (taken, frame) = self.decoder.feed(bytes);
-        // A line error before these bytes was in the frame that they cut off.
-        self.damaged &= self.decoder.counters().truncated == cut_off;
-        self.damaged |= core::mem::take(&mut self.fault);
+        self.damage.received(taken, bytes.len());
         self.beat.bytes(now, taken);
         self.count();
         if let Some(frame) = frame {
             self.frame(now, &frame);
-        } else if self.decoder.pending() == 0 {
-            // The line error was in a byte between frames, as at every power-up of an ECU.
-            self.damaged = false;
         }
         taken
     }
 
     fn line_error(&mut self, error: LineError) {
-        self.fault = true;
+        self.damage.line_error();
         self.status.counters.line_error(error);
     }
 

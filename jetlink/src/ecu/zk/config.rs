@@ -105,5 +105,5 @@ sentences!(Service {
     Self::IgnitionPump(_) => "ignition pump voltage";
     Self::Curve(_) => "acceleration curve";
 } {
-    Self::Action(action) => "action {}", action.code();
+    Self::Action(action) => "action {}", u32::from(action.code());
 });

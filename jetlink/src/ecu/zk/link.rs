@@ -22,15 +22,12 @@ use crate::ecu::vendor::VendorService;
 use crate::event::Event;
 use crate::line::{Line, LineError, Timing};
 use crate::link::{
-    Beat, Link, LinkMonitor, LinkRecord, LinkStatus, Outbox, Output, ServiceFrames, Sign, Speaks,
+    Beat, Damage, Link, LinkMonitor, LinkRecord, LinkStatus, Outbox, Output, ServiceFrames, Sign, Speaks,
     Transmission, earlier,
 };
 use crate::report::{NotSent, bump};
 use crate::units::{Hectopascals, Rpm};
 use embassy_time::{Duration, Instant};
-
-/// Retained: the ECU was given its switch by ID 6 (ZK-9).
-const SWITCH_BY_ID6: u8 = 1;
 
 /// The conversation with one ZK ECU.
 #[derive(Clone, Debug)]
@@ -205,42 +202,6 @@ impl ZkLink {
     }
 }
 
-/// How many bytes ago the UART last reported a line error.
-///
-/// Where noise leaves hardly a frame whole, most of the frames with a right CRC are damaged ones, one in 256 of those, and two of
-/// them may agree. The UART knows better: what a frame says in which it reported an error does not count.
-#[derive(Clone, Copy, Debug, Default)]
-struct Damage {
-    /// In the bytes of the next read, or in those that are left of this one. The UART does not report in which.
-    in_read: bool,
-    /// Bytes since then.
-    intact: u8,
-}
-
-impl Damage {
-    fn line_error(&mut self, error: LineError) {
-        // The samples of a bit differed, and most of them decided. A slow edge does that in every frame, so it is left to the CRC.
-        self.in_read |= error != LineError::Noise;
-    }
-
-    /// All bytes before it have been received.
-    fn byte_lost(&mut self) {
-        self.intact = 0;
-    }
-
-    /// So many of the bytes that are left of a read were taken.
-    fn received(&mut self, taken: usize, left: usize) {
-        self.intact =
-            if self.in_read { 0 } else { self.intact.saturating_add(u8::try_from(taken).unwrap_or(u8::MAX)) };
-        self.in_read &= taken < left;
-    }
-
-    /// Whether one of the last bytes may be damaged.
-    const fn reaches_back(self, bytes: usize) -> bool {
-        (self.intact as usize) < bytes
-    }
-}
-
 impl Speaks for Config {
     type Link = ZkLink;
 
@@ -275,6 +236,8 @@ impl Link for ZkLink {
         counters.crc_failures = decoder.crc_failures;
         counters.bytes_skipped = decoder.bytes_skipped;
         if let Some(frame) = frame {
+            // Where noise leaves hardly a frame whole, most of the frames with a right CRC are damaged ones, one in 256 of those,
+            // and two of them may agree.
             if self.damage.reaches_back(STATUS_LEN) {
                 bump(&mut self.status.counters.damaged_frames);
             } else {
@@ -285,7 +248,10 @@ impl Link for ZkLink {
     }
 
     fn line_error(&mut self, error: LineError) {
-        self.damage.line_error(error);
+        // The samples of a bit differed, and most of them decided. A slow edge does that in every frame, so it is left to the CRC.
+        if error != LineError::Noise {
+            self.damage.line_error();
+        }
         self.status.counters.line_error(error);
     }
 
@@ -304,7 +270,7 @@ impl Link for ZkLink {
                 return Err(Rejected::AboveMaxRpm { max: max.value });
             }
         }
-        let alive = self.status.report.phase.is_some_and(|phase| phase.value.is_alive());
+        let alive = self.status.report.phase.map(|phase| phase.value.is_alive());
         if !self.modes.order(now, order, alive) {
             return Ok(());
         }
@@ -426,13 +392,11 @@ impl Link for ZkLink {
     }
 
     fn record(&self) -> LinkRecord {
-        LinkRecord::new(if self.modes.switch_by_id6() { SWITCH_BY_ID6 } else { 0 })
+        self.modes.record()
     }
 
     fn restore(&mut self, record: LinkRecord) {
-        if record.bits() & SWITCH_BY_ID6 != 0 {
-            self.modes.resume_switch_by_id6();
-        }
+        self.modes.restore(record);
     }
 
     fn may_hold_rpm(&self) -> bool {

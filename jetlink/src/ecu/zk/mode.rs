@@ -7,12 +7,17 @@
 
 use super::codec::{Control, RpmCode, RpmFactor, Switch, Version};
 use crate::command::{Demand, Order};
+use crate::link::LinkRecord;
 use crate::report::ReportedSwitch;
 use crate::units::{Rpm, Throttle};
 use embassy_time::{Duration, Instant};
 
 /// Time for the ECU to report the ordered switch: status ID 1 repeats within 0.5 s.
 const FOLLOWS_WITHIN: Duration = Duration::from_millis(700);
+/// Retained: the ECU was given its switch by ID 6.
+const SWITCH_BY_ID6: u8 = 1;
+/// Retained: it was never given one by ID 6, and obeys the one in ID 1.
+const SWITCH_BY_ID1: u8 = 2;
 /// Consecutive reports of another switch after which the ECU counts as not following. A single one may be a damaged frame.
 const NOT_FOLLOWED: u8 = 2;
 
@@ -135,6 +140,8 @@ pub(super) struct Modes {
     mode: Mode,
     id6: Id6,
     inherited: Inherited,
+    /// The ECU was at rest when it was given an order, and was sent orders since; or the record of a reset says so.
+    began_by_id1: bool,
 }
 
 impl Modes {
@@ -145,6 +152,7 @@ impl Modes {
             mode: Mode::Listen,
             id6: Id6::Released,
             inherited: Inherited::No { not_followed: 0 },
+            began_by_id1: false,
         }
     }
 
@@ -153,9 +161,9 @@ impl Modes {
         self.split_switch = split;
     }
 
-    /// Takes an order. `alive`: the ECU reports an engine that starts or runs. True if the order is of a different kind than
-    /// the previous one; a new number alone is not.
-    pub fn order(&mut self, now: Instant, order: Order, alive: bool) -> bool {
+    /// Takes an order. `alive`: whether the ECU reports an engine that starts or runs. True if the order is of a different kind
+    /// than the previous one; a new number alone is not.
+    pub fn order(&mut self, now: Instant, order: Order, alive: Option<bool>) -> bool {
         let demanded = match order {
             Order::Run(demand) => Some((demand, false)),
             Order::Doubt(demand) => Some((demand, true)),
@@ -187,8 +195,11 @@ impl Modes {
             (_, Order::Listen | Order::Run(_) | Order::Doubt(_), _) => Mode::Listen,
         };
         // An ECU whose engine already runs may have been given its switch by ID 6 before.
-        if alive && matches!(self.mode, Mode::Listen) {
-            self.inherited = Inherited::Perhaps;
+        match (&self.mode, &mode, alive) {
+            (_, Mode::Listen, _) => self.began_by_id1 = false,
+            (Mode::Listen, _, Some(true)) if !self.began_by_id1 => self.inherited = Inherited::Perhaps,
+            (_, _, Some(false)) => self.began_by_id1 = true,
+            _ => {}
         }
         if let Id6::Given { partner_due, .. } = &mut self.id6 {
             *partner_due = false;
@@ -212,10 +223,21 @@ impl Modes {
         !matches!(self.id6, Id6::Released)
     }
 
-    /// The same, before a reset of the node.
-    pub const fn resume_switch_by_id6(&mut self) {
-        if matches!(self.id6, Id6::Released) {
-            self.id6 = Id6::Given { factor: RpmFactor::OFF, partner_due: false };
+    /// What is retained over a reset of the node: how the ECU is given its switch.
+    pub fn record(&self) -> LinkRecord {
+        LinkRecord::new(match self.inherited {
+            _ if self.switch_by_id6() => SWITCH_BY_ID6,
+            Inherited::No { .. } if self.began_by_id1 => SWITCH_BY_ID1,
+            _ => 0,
+        })
+    }
+
+    /// Takes what was retained.
+    pub const fn restore(&mut self, record: LinkRecord) {
+        match record.bits() {
+            SWITCH_BY_ID6 => self.id6 = Id6::Given { factor: RpmFactor::OFF, partner_due: false },
+            SWITCH_BY_ID1 => self.began_by_id1 = true,
+            _ => {}
         }
     }
 

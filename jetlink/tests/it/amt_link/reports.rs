@@ -282,6 +282,12 @@ fn amt_1_a_lost_byte_does_not_lose_the_next_set() {
         assert_eq!(bench.machine.status().report.rpm_raw.unwrap().value, rpm);
     }
     assert_eq!(bench.machine.status().counters.damaged_frames, 0);
+    // A line error in the same set is lost with it.
+    bench.machine.line_error(LineError::Framing);
+    bench.receive(&[0xFF, 0x21]);
+    bench.machine.byte_lost(LineError::Framing);
+    assert_eq!(ops_thr(&mut bench, &normal(FULL_OPERATION, RUN, 105)), (RUN_OPS, 160));
+    assert_eq!(bench.machine.status().report.rpm_raw.unwrap().value, 105);
 }
 
 /// A fault in a set that is cut off damages that one, and not the next.
@@ -298,6 +304,35 @@ fn amt_1_a_line_error_in_a_truncated_set_does_not_lose_the_next() {
     bench.machine.line_error(LineError::Framing);
     assert_eq!(ops_thr(&mut bench, &normal(FULL_OPERATION, RUN, 102)), (RUN_OPS, 160));
     assert_eq!(bench.machine.status().report.rpm_raw.unwrap().value, 101);
+}
+
+/// Sets of which one byte had an error, whatever the reads were; the others count, and each is answered.
+#[test]
+fn amt_1_a_line_error_discards_each_set_that_its_bytes_may_be_in() {
+    let normal = normal(FULL_OPERATION, RUN, 100);
+    let setup = setup("9.35 140617 ");
+    let damaged = |reads: &[(bool, &[u8])]| {
+        let mut bench = running();
+        let before = bench.machine.status().counters;
+        for (error, bytes) in reads {
+            if *error {
+                bench.machine.line_error(LineError::Framing);
+            }
+            bench.receive(bytes);
+        }
+        let counters = bench.machine.status().counters;
+        (counters.frames - before.frames, counters.damaged_frames)
+    };
+    for set in [&normal[..], &setup] {
+        let (first, last) = set.split_at(2);
+        assert_eq!(damaged(&[(true, first), (false, last), (false, set)]), (2, 1), "in its first bytes");
+        assert_eq!(damaged(&[(false, first), (true, last), (false, set)]), (2, 1), "in its last bytes");
+        let two = [set, set].concat();
+        assert_eq!(damaged(&[(true, &two), (false, set)]), (3, 2), "in one of two of a read");
+        assert_eq!(damaged(&[(true, &[0x00]), (false, set)]), (1, 0), "in a byte between two sets");
+        let across = [set, first].concat();
+        assert_eq!(damaged(&[(true, &across), (false, last), (false, set)]), (3, 2), "in one and a half");
+    }
 }
 
 /// AMT-1: frames cut off, texts without an end, noise and what the UART saw are counted.

@@ -262,6 +262,51 @@ fn amt_8_after_a_fault_run_is_sent_to_a_running_engine_only() {
     }
 }
 
+/// No running engine is reported as cleared for a start. What has no state is not answered with run after two such reports, until
+/// another state is reported: the shaft coasts, the exhaust is still hot, and an ECU may start its engine when the fault clears.
+#[test]
+fn amt_8_error_sets_after_two_reports_of_start_clearance_are_not_answered() {
+    const FAULT: u8 = 0xFF;
+    const DAMAGED: u8 = 0xFE;
+    let clearance = amt_frames::CLEARANCE;
+    let full = amt_frames::FULL_OPERATION;
+    for (name, sets, answered) in [
+        ("two", &[clearance, clearance, FAULT][..], false),
+        ("two, for longer", &[clearance, clearance, FAULT, FAULT, FAULT, FAULT], false),
+        ("two, then a damaged set", &[clearance, clearance, DAMAGED], false),
+        ("two apart", &[clearance, DAMAGED, clearance, FAULT], false),
+        ("one odd set", &[clearance, FAULT], true),
+        ("one, then a damaged set", &[clearance, DAMAGED], true),
+        ("one at a time", &[clearance, FAULT, clearance, FAULT], true),
+        ("two, then running", &[clearance, clearance, full, FAULT], true),
+        ("none", &[full, FAULT], true),
+    ] {
+        for before in [0, FRAME_PERIOD_US] {
+            // After error sets, and without any before.
+            let fault = u8::from(before > 0);
+            let mut scenario = with_faults(SECOND + before, fault, run(50), |_| 500);
+            let error_set = scenario.ecu.frame(Reports::Running, Values { fault: 1, ..scenario.values });
+            scenario.silent();
+            for &state in sets {
+                let _ = scenario.command(run(50));
+                scenario.pass_us(FRAME_PERIOD_US);
+                scenario.sent();
+                if state == DAMAGED {
+                    scenario.bench.machine.line_error(LineError::Framing);
+                }
+                match state {
+                    FAULT => scenario.bench.receive(&error_set),
+                    DAMAGED => scenario.bench.receive(&report(Ecu::Amt, full, TURNING)),
+                    state => scenario.bench.receive(&report(Ecu::Amt, state, TURNING)),
+                }
+            }
+            assert_eq!(ends(&mut scenario), [], "{name}");
+            let expected = if answered { vec![Wire::Run(500)] } else { vec![] };
+            assert_eq!(scenario.sent(), expected, "{name}, {fault}");
+        }
+    }
+}
+
 /// Whose life is in doubt has reached running all the same: its demand shows, and the others of its group may start.
 #[test]
 fn an_engine_in_doubt_blocks_no_other_start() {

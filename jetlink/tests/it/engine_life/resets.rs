@@ -442,8 +442,10 @@ fn a_gap_separates_the_reports_that_find_an_engine() {
 /// Silence from before a brown-out counts: all sources are silent for the time to standby once, and not once more.
 #[test]
 fn silence_before_a_brown_out_counts_towards_standby() {
-    const ALL_US: u64 = HOLD_US + RUN_OUT_US;
     for ecu in BOTH {
+        // A source is silent from the end of its timeout on, and which one it was is not retained.
+        let timeout = ecu.config().supervision.timeouts.longest().as_micros();
+        let all_us = timeout + HOLD_US + RUN_OUT_US;
         for silent in [SECOND, 6 * SECOND] {
             let mut flight = flying(ecu);
             flight.reports = Some(Reports::Running);
@@ -451,7 +453,7 @@ fn silence_before_a_brown_out_counts_towards_standby() {
             let record = flight.bench.machine.record().without_start();
             let mut scenario = Scenario::after_reset(ecu, ecu.config(), Some(record));
             // Nothing is received from the ECU. Silence is retained in steps of 0.2 s.
-            scenario.silent().pass_us(ALL_US - silent - 300_000);
+            scenario.silent().pass_us(all_us - silent - 300_000);
             assert_eq!(scenario.order(), Order::Listen, "{ecu:?} {silent}");
             scenario.pass_us(600_000);
             assert_eq!(scenario.order(), Order::Standby, "{ecu:?} {silent}");

@@ -111,3 +111,31 @@ fn amt_a_demand_that_no_reply_carried_before_a_gap_does_not_jump_after_it() {
         assert_eq!(scenario.wire(), Wire::Run(900), "{pause} µs");
     }
 }
+
+/// After a take-over that changes the kind of the demand the throttle rises at its rate also where the stick moved on before any
+/// throttle was sent. Once one was sent, the source in control moves it as it likes: the control.
+#[test]
+fn a_demand_of_another_kind_does_not_jump_before_it_was_sent() {
+    let mut unsent = 0;
+    for phase_us in (0..4 * FRAME_PERIOD_US).step_by(5_000) {
+        let mut scenario = Scenario::started(Ecu::Zk, rpm(90_000));
+        scenario.fly_us(Command::Run(rpm(90_000)), Origin::Bench, 10 * SECOND + phase_us);
+        assert_eq!(scenario.telemetry().active_source, Origin::Bench);
+        // It reports a throttle of 60 %.
+        scenario.bench.receive(&zk_frames::status(3, TURNING, [60, 0, 0]));
+        while !matches!(scenario.order(), Order::Run(Demand::Throttle(_))) {
+            let _ = scenario.command_from(Command::Run(rpm(90_000)), Origin::Bench);
+            let _ = scenario.command(run(40));
+            scenario.pass_us(1_000);
+        }
+        let before = runs_in(&scenario.sent());
+        unsent += usize::from(before.is_empty());
+        scenario.command(run(90)).unwrap();
+        scenario.pass_us(2 * FRAME_PERIOD_US);
+        let sent = runs_in(&scenario.sent());
+        let rises = !sent.is_empty() && sent.iter().all(|tenths| *tenths <= 500);
+        // What is being sent counts when it is complete.
+        assert!(rises || (!before.is_empty() && sent.contains(&900)), "{before:?} {sent:?}");
+    }
+    assert!((1..40).contains(&unsent), "{unsent}");
+}

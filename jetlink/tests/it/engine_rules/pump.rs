@@ -67,7 +67,7 @@ fn pump_open() -> Scenario {
     scenario
 }
 
-/// "Fuel never flows into a hot standing engine": what made the service safe has to last. The control: without a change it stays open.
+/// "Fuel never flows into a hot engine at rest": what made the service safe has to last. The control: without a change it stays open.
 #[test]
 fn a_pump_is_closed_when_the_engine_is_no_longer_cold_or_in_standby() {
     for (reports, egt, open) in [
@@ -159,6 +159,32 @@ fn a_service_that_is_repeated_ends_after_its_time() {
         scenario.pass_us(4 * FRAME_PERIOD_US);
         assert!(opened(&mut scenario), "{beside:?}");
     }
+}
+
+/// The time of an open pump is one, also where its service is repeated with pauses that are longer than the timeout of its source, and
+/// other commands of that source keep it open meanwhile.
+#[test]
+fn a_service_that_pauses_does_not_prolong_an_open_pump() {
+    let open = action(zk::codec::Action::OpenPump);
+    let mut scenario = pump_open();
+    scenario.values.rpm = Some(0);
+    // Refused: it uses the permission up, and from then on it is only a word.
+    assert!(scenario.command(run(0)).is_err());
+    let mut fly = |tenths: core::ops::Range<u64>| {
+        scenario.bench.bytes();
+        for tenth in tenths {
+            if tenth % 8 == 0 {
+                let _ = scenario.command(open);
+            }
+            assert!(scenario.command(run(0)).is_err());
+            scenario.pass_us(SECOND / 10);
+        }
+        closes(&scenario.bench.bytes())
+    };
+    // What the refused start closed.
+    fly(1..40);
+    assert_eq!(fly(40..280), 0, "it is kept open");
+    assert!(fly(280..340) > 0, "for service_time");
 }
 
 /// "A pump that was opened is closed at any stop, standby, disarm ... and after a reset": also one whose ten ClosePump frames did not

@@ -48,7 +48,7 @@ fn zk_8_in_a_gap_nothing_hands_over() {
     scenario.bench.frames();
     scenario.pass_us(2 * SECOND);
     assert_eq!(scenario.sent(), [], "anything but ID 0");
-    // It goes on where the engine does.
+    // It continues where the engine does.
     scenario.reports(Reports::Running).pass_us(2 * SECOND);
     assert!(scenario.sent().contains(&Wire::Pwm));
 }

@@ -150,6 +150,39 @@ fn taking_over_is_bumpless() {
     assert_eq!(scenario.order(), Order::Run(rpm(80_000)));
 }
 
+/// A higher source that falls silent before it has taken over leaves the one in control as it was, also where that one was lost in
+/// flight before. One that was silent itself meanwhile takes over again.
+#[test]
+fn a_source_that_stayed_is_obeyed_when_a_higher_one_has_left() {
+    for ecu in BOTH {
+        for (lost_before, stays) in [(false, true), (true, true), (false, false), (true, false)] {
+            let mut scenario = Scenario::started(ecu, percent(50));
+            if lost_before {
+                scenario.pass_us(10 * SECOND);
+                scenario.fly_us(run(50), Origin::Rc, 6 * SECOND);
+            }
+            assert_eq!((scenario.tenths(), scenario.telemetry().waiting), (500, None));
+            // Longer than a short gap of the one, and too short for a take-over by the other.
+            for millis in (0..1_800).step_by(100) {
+                if (300..1_400).contains(&millis) {
+                    scenario.command_from(run(90), Origin::Emergency).unwrap();
+                    assert_eq!(scenario.telemetry().waiting, Some(Origin::Emergency));
+                }
+                if stays {
+                    scenario.command(run(if millis < 300 { 50 } else { 20 })).unwrap();
+                }
+                scenario.pass_us(100_000);
+            }
+            // Before the wait of the higher one would have ended.
+            scenario.fly_us(run(20), Origin::Rc, 200_000);
+            let expected = if stays { Accepted::InForce } else { Accepted::Held };
+            let answer = scenario.command(run(20));
+            assert_eq!(answer, Ok(expected), "{ecu:?}, lost before: {lost_before}, stays: {stays}");
+            assert_eq!(scenario.tenths() == 200, stays, "{}", scenario.tenths());
+        }
+    }
+}
+
 /// When the source in control falls silent, the next one that commands takes over in the same way: no stage of loss.
 #[test]
 fn the_next_source_takes_over_from_one_that_is_lost() {

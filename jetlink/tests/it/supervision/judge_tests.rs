@@ -236,3 +236,53 @@ fn a_lower_sources_standby_that_ends_a_run_permits_its_next_one() {
     let verdict = judged(5 * SECOND, Some(0));
     assert!(verdict.as_ref().is_err_and(|why| why.starts_with("(1) a start by bench")), "{verdict:?}");
 }
+
+/// A throttle of a lower source that was lost once, seconds ago. A higher one waits to take over from 20 s on, is away from 22 s to
+/// 22.6 s, in which the throttle rises towards the lower one's new one, and waits again. The verdict on it at this instant.
+fn held_for_a_source_that_waits_again(until: u64) -> Result<(), String> {
+    let config = Ecu::Amt.with(|s| {
+        s.timeouts.rc = Duration::from_millis(200);
+        s.timeouts.mavlink = Duration::from_millis(200);
+        s.recover_after = Duration::from_millis(100);
+        s.return_within = Duration::from_ticks(0);
+        s.takeover.within = Duration::from_secs(5);
+    });
+    let mut judge = Oracle::new(config, false, 36_000, 100_000);
+    let commands = |origin, command| Input::Commanded(origin, command, Ok(Accepted::InForce));
+    judge.input(0, commands(Origin::Mavlink, Command::Arm))?;
+    for step in 0..until / (25 * MS) {
+        let at = step * 25 * MS;
+        let (starts, truth) = started_at_3_s(at);
+        judge.input(at, Input::Truth(truth))?;
+        let throttle = match at {
+            ..5_000_000 => 0,
+            5_000_000..21_000_000 => 50,
+            _ => 80,
+        };
+        let (lost, away) = (10 * SECOND..11 * SECOND, 22 * SECOND..22_600 * MS);
+        if step.is_multiple_of(2) && !lost.contains(&at) {
+            let run = Command::Run(percent(throttle));
+            judge.input(at, commands(Origin::Mavlink, if starts { run } else { Command::Standby }))?;
+        }
+        if step.is_multiple_of(2) && at >= 20 * SECOND && !away.contains(&at) {
+            judge.input(at, commands(Origin::Rc, Command::Run(percent(10))))?;
+        }
+        if step % 5 == 1 {
+            let switch = if starts { Switch::Run } else { Switch::Standby };
+            let rises = |since: u64| at.saturating_sub(since) * 500 / SECOND;
+            let risen = u16::try_from(rises(5 * SECOND).min(500) + rises(22_200 * MS).min(200)).unwrap();
+            judge.frame(at, Frame::Full(switch, if starts { risen } else { 0 }))?;
+        }
+    }
+    judge.frame(until, Frame::Full(Switch::Run, 500)).map(|_| ())
+}
+
+/// A source that is lost while it waits begins to wait anew, behind the one that was in control all the time.
+#[test]
+fn a_source_that_was_lost_while_it_waited_waits_anew() {
+    for until in [21, 24, 26, 27] {
+        assert_eq!(held_for_a_source_that_waits_again(until * SECOND), Ok(()), "{until}");
+    }
+    let verdict = held_for_a_source_that_waits_again(29 * SECOND);
+    assert!(verdict.as_ref().is_err_and(|why| why.starts_with("(6)")), "{verdict:?}");
+}

@@ -281,6 +281,37 @@ fn zk_9_an_ecu_that_ran_already_gets_its_switch_by_id_6() {
     assert_eq!(ids(&slots(&mut once, 10))[1..], [1; 9], "one report");
 }
 
+/// ZK-9: an ECU that obeyed the switch in ID 1 before a reset, as the record says, continues to get it there, also after another reset.
+#[test]
+fn zk_9_after_a_reset_a_switch_of_id_1_stays_there() {
+    let order = throttle(200);
+    let mut before = ecu(4);
+    before.receive(&zk::status(1, 0, [STATE_STANDBY, 1 << 5, 76]));
+    before.order(before.now_us(), order).unwrap();
+    let mut record = before.machine.record();
+    for _ in 0..2 {
+        let mut bench = met_running(4);
+        bench.act(|link, _| link.restore(record));
+        bench.order(bench.now_us(), order).unwrap();
+        assert_eq!(ids(&slots(&mut bench, 10)), [1; 10]);
+        record = bench.machine.record();
+        // The order ends, and the engine is found running once more: nothing is known of it.
+        bench.order(bench.now_us(), Order::Listen).unwrap();
+        bench.order(bench.now_us(), order).unwrap();
+        assert!(ids(&slots(&mut bench, 10)).contains(&6));
+    }
+    // Nothing is known of a switch where the state was not known at the order, or the engine was found running.
+    let mut unheard = ecu(4);
+    unheard.order(unheard.now_us(), order).unwrap();
+    assert_eq!(unheard.machine.record(), LinkRecord::EMPTY);
+    let mut listening = met_running(4);
+    assert_eq!(listening.machine.record(), LinkRecord::EMPTY);
+    listening.order(listening.now_us(), order).unwrap();
+    assert_eq!(listening.machine.record(), LinkRecord::EMPTY, "not sent yet");
+    slots(&mut listening, 2);
+    assert_eq!(listening.machine.record(), LinkRecord::new(1));
+}
+
 /// ZK-9: an ECU whose switch is another than the one ordered, in two reports in a row later than 0.7 s after the
 /// order, gets it by ID 6, too.
 #[test]

@@ -248,6 +248,8 @@ pub struct Oracle {
     /// The last demand of a source that certainly was in control: what is in force is between the last frame and this.
     control_demand: Option<Demand>,
     in_force: Option<Origin>,
+    /// Since when the source in force has commanded without a gap.
+    stream: u64,
     waiting: Option<(Origin, u64)>,
     maybe_close: bool,
     lost: bool,
@@ -352,6 +354,7 @@ impl Oracle {
             last_wanted: 0,
             control_demand: None,
             in_force: None,
+            stream: 0,
             waiting: None,
             maybe_close: false,
             lost: false,
@@ -477,9 +480,12 @@ impl Oracle {
                 }
                 // Another one may have taken over meanwhile, by being close.
                 let certain = self.waiting.is_none() || !self.maybe_close;
-                // It was never away, or for a short gap only; away also where another one was about to take over.
+                // It was never away, or for a short gap only; away also where another one was about to take over. That it was lost
+                // before the other came does not count.
                 let away = self.lost || self.waiting.is_some();
-                if self.in_force == Some(origin) && certain && !(away && source.was_lost) {
+                let itself = source.was_lost && self.stream != source.since;
+                if self.in_force == Some(origin) && certain && !(away && itself) {
+                    self.stream = source.since;
                     self.last_wanted = self.as_throttle(demand);
                     self.control_demand = Some(demand);
                     self.control_peak = self.control_peak.max(self.last_wanted);
@@ -534,6 +540,7 @@ impl Oracle {
                 if at >= since + takeover.within.as_micros() {
                     self.tally.takeovers += 1;
                     let certain = self.in_force.replace(origin).is_some() && !self.maybe_close;
+                    self.stream = source.since;
                     self.lost = false;
                     self.waiting = None;
                     self.settled = at;
