@@ -67,6 +67,10 @@ fn a_demand_is_that_of_a_frame_and_disarmed_is_idle() {
     assert!(with(&disarmed, &[disarm, (5.0, half)]));
     assert!(!with(&disarmed, &[disarm, (5.0, RUN)]));
     assert!(with(&disarmed, &[(5.0, RUN)]), "the engine stays armed");
+    // A frame before the heartbeat that disarms, in what is read at once (600000005).
+    let at_once = [(4.0, DISARMED), (4.5, output(500)), (4.5, DISARMED), (4.6, output(500))];
+    assert!(!with(&at_once, &[(4.5, half), disarm]));
+    assert!(with(&at_once, &[(4.5, half), disarm, (4.6, half)]));
 }
 
 #[test]
