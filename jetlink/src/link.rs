@@ -22,6 +22,8 @@ pub const MAX_TRANSMISSION: usize = 5;
 pub struct Transmission {
     bytes: [u8; MAX_TRANSMISSION],
     len: u8,
+    /// It carries the demand of the order in force.
+    has_demand: bool,
     /// Latest time of the first start bit; if it would be later, do not send.
     pub start_by: Option<Instant>,
 }
@@ -34,7 +36,17 @@ impl Transmission {
         for (slot, byte) in bytes.iter_mut().zip(frame) {
             *slot = byte;
         }
-        Self { bytes, len: N as u8, start_by }
+        Self { bytes, len: N as u8, has_demand: true, start_by }
+    }
+
+    /// Sets whether it carries the demand of the order in force, as most do: of one that does not, the ECU learns no demand.
+    pub const fn with_demand(self, has_demand: bool) -> Self {
+        Self { has_demand, ..self }
+    }
+
+    /// Whether it carries the demand of the order in force.
+    pub const fn has_demand(&self) -> bool {
+        self.has_demand
     }
 
     /// The bytes.

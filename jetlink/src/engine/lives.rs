@@ -54,6 +54,10 @@ impl Engine {
                     None => {
                         self.report_doubt(doubted, true);
                         if let Mode::Run(run) = &mut self.mode {
+                            // A reply is sent to an ECU that was just received.
+                            if !self.link.answers_frames() {
+                                run.sent = run.received;
+                            }
                             run.shaper.fall_back(now, run.sent);
                         }
                     }

@@ -71,6 +71,9 @@ impl Engine {
         if let Some(sign) = self.link.take_sign() {
             self.touch();
             self.pending_frame = Some(now);
+            if let Mode::Run(run) = &mut self.mode {
+                run.received = run.sent;
+            }
             self.judge(now, sign);
         }
         taken
@@ -144,8 +147,8 @@ impl Engine {
     /// See [`Link::poll`]. It decides nothing: the inputs and [`Engine::compose`] do.
     pub fn poll(&mut self) -> Output {
         let output = self.link.poll();
-        if let (Output::Transmit(_), Mode::Run(run)) = (&output, &mut self.mode) {
-            run.handed_out = Some(run.shaped);
+        if let (Output::Transmit(transmission), Mode::Run(run)) = (&output, &mut self.mode) {
+            run.handed_out = transmission.has_demand().then_some(run.shaped);
         }
         match output {
             Output::Wait(deadline) => match self.events.pop_front() {

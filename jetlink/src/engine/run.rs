@@ -34,6 +34,8 @@ pub(super) struct Run {
     pub shaped: Demand,
     pub handed_out: Option<Demand>,
     pub sent: Demand,
+    /// The demand that was sent when the ECU was last received: of a later one it is not known whether it reached the ECU.
+    pub received: Demand,
     /// Another source that waits to take over, and the end of its wait.
     pub taking_over: Option<(Origin, Instant)>,
     /// The stream of commands with which the active source was last in control. Where it still comes, the source was not away.

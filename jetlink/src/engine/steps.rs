@@ -102,6 +102,7 @@ impl Engine {
             handed_out: None,
             // What the ECU has, until this run sends its own: idle, or what was in force before a reset.
             sent: demand,
+            received: demand,
             taking_over: None,
             stream: None,
             fail_safe_at,

@@ -234,7 +234,8 @@ impl Case<'_> {
             return Some(format!("the stream has {}", Demanded::Throttle(most)));
         }
         // A frame may stand before the heartbeat in what is read at one instant.
-        let disarmed = words.shows(earliest.saturating_sub(1)) == Some(false) && words.shows(at) == Some(false);
+        let disarmed =
+            words.shows(earliest.saturating_sub(1)) == Some(false) && words.shows(at) == Some(false);
         (tenths > 0 && disarmed && !words.may_show(earliest, at, true))
             .then(|| "the vehicle is disarmed".into())
     }

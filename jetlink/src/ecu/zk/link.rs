@@ -143,7 +143,8 @@ impl ZkLink {
     fn fill_slot(&mut self, now: Instant) {
         self.out_of_slot = false;
         let control = self.compose(now);
-        self.outbox.put(Transmission::new(control.encode(), None));
+        let has_demand = matches!(control, Control::Throttle { .. } | Control::Rpm(_));
+        self.outbox.put(Transmission::new(control.encode(), None).with_demand(has_demand));
     }
 
     fn compose(&mut self, now: Instant) -> Control {

@@ -76,7 +76,7 @@ fn the_demand_that_is_retained_is_the_one_in_force() {
     ];
     for ecu in BOTH {
         // It has come to 50 %, and no frame has carried that yet.
-        let rising = flying(ecu);
+        let rising = Scenario::risen(ecu, ecu.config(), percent(50));
         let Order::Run(Demand::Throttle(retained)) = record(&rising).order else { panic!("{ecu:?}") };
         assert!((300..500).contains(&retained.tenths()), "{ecu:?}: {retained:?}");
         for (name, step, order) in table {

@@ -139,3 +139,60 @@ fn a_demand_of_another_kind_does_not_jump_before_it_was_sent() {
     }
     assert!((1..40).contains(&unsent), "{unsent}");
 }
+
+/// "After a ... gap the demand rises at a set rate": what was sent since the ECU was last received may not have reached it. Without a
+/// gap the stick moves it at once: the control.
+#[test]
+fn zk_a_demand_sent_before_a_gap_was_found_does_not_jump_after_it() {
+    for (pause, highest) in [(100_000, 900), (400_000, 300)] {
+        let mut scenario = flying(Ecu::Zk, 20);
+        scenario.sent();
+        scenario.silent().fly_us(run(90), Origin::Rc, pause);
+        assert!(runs_in(&scenario.sent()).contains(&900), "{pause} µs: it was sent");
+        scenario.reports = Some(Reports::Running);
+        scenario.fly_us(run(90), Origin::Rc, 4 * FRAME_PERIOD_US);
+        let sent = runs_in(&scenario.sent());
+        assert!(sent.iter().all(|tenths| *tenths <= highest) && !sent.is_empty(), "{pause} µs: {sent:?}");
+        scenario.fly_us(run(90), Origin::Rc, 2 * SECOND);
+        assert_eq!(scenario.wire(), Wire::Run(900), "{pause} µs");
+    }
+}
+
+/// A frame without a demand sends none: what was commanded before it rises after a transmitter that hung. One that was sent with its
+/// demand goes on: the control.
+#[test]
+fn zk_a_frame_without_a_demand_does_not_send_it() {
+    let (mut without, mut with) = (0, 0);
+    for before in 0..4 {
+        let mut scenario = flying(Ecu::Zk, 25);
+        scenario.bench = scenario.bench.clone().by_hand();
+        let next = |scenario: &mut Scenario| {
+            scenario.sent();
+            while !scenario.bench.busy() {
+                scenario.pass_us(1_000);
+            }
+            let now = scenario.now_us();
+            scenario.bench.sent_at_us(now);
+            runs_in(&scenario.sent()).contains(&750)
+        };
+        scenario
+            .command(Command::Service(Service::Zk(zk::config::Service::Action(zk::codec::Action::Rate50Hz))))
+            .unwrap();
+        (0..before).for_each(|_| assert!(!next(&mut scenario)));
+        scenario.command(run(75)).unwrap();
+        let carried = next(&mut scenario);
+        let hangs = scenario.now_us();
+        command_until(&mut scenario, run(75), hangs + 2 * SECOND, false);
+        scenario.sent();
+        command_until(&mut scenario, run(75), hangs + 2_200_000, true);
+        let sent = runs_in(&scenario.sent());
+        assert!(!sent.is_empty(), "{before}");
+        if carried {
+            with += 1;
+        } else {
+            without += 1;
+            assert!(sent.iter().all(|tenths| *tenths <= 360), "{before}: {sent:?}");
+        }
+    }
+    assert!(with > 0 && without > 0, "{with} {without}");
+}
