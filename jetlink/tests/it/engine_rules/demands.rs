@@ -159,7 +159,7 @@ fn zk_a_demand_sent_before_a_gap_was_found_does_not_jump_after_it() {
 }
 
 /// A frame without a demand sends none: what was commanded before it rises after a transmitter that hung. One that was sent with its
-/// demand goes on: the control.
+/// demand continues: the control.
 #[test]
 fn zk_a_frame_without_a_demand_does_not_send_it() {
     let (mut without, mut with) = (0, 0);
