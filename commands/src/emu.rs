@@ -9,7 +9,7 @@ use std::path::PathBuf;
 pub const RELEASE: &str = "release";
 
 /// The images of `cargo emu-run`: that one, and the others by their features. A test of the emulator compares them.
-pub const IMAGES: [&str; 13] = [
+pub const IMAGES: [&str; 12] = [
     RELEASE,
     "demo",
     "all-ports",
@@ -17,7 +17,6 @@ pub const IMAGES: [&str; 13] = [
     "play-ecu",
     "ardupilot-bootloader",
     "selftest",
-    "radio-sbus",
     "radio-crsf",
     "radio-pwm",
     "outputs",

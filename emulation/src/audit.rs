@@ -6,9 +6,12 @@
 //!   at any rate, so nothing else would show a wrong one.
 //! - The pins of every port in use are given to their UART, those of an F-RAM to their SPI. The emulated ones do not look at
 //!   them.
+//! - Each fuel valve is closed 10 ms after a stop, also over resets, opens only with a run that goes out, and cuts no engine that is
+//!   ordered to run. An image without outputs drives none of their pins.
 
 use crate::board::{Board, Pin};
 use crate::report::Report;
+use crate::valves;
 use crate::wire::{Fate, Tx, Wire};
 use rigless::device::ResetCause;
 
@@ -26,6 +29,7 @@ pub(crate) fn of(report: &mut Report, expected: &Expected) -> Vec<String> {
         complaints.extend(byte_times(report.board, port, wire));
     }
     complaints.extend(pins(report));
+    complaints.extend(valves::complaints(report, expected.errors));
     complaints
 }
 

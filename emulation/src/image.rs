@@ -21,9 +21,7 @@ pub enum Image {
     Ardupilot,
     /// Measures its oscillators and reports on the board (feature `selftest`).
     SelfTest,
-    /// With an SBUS receiver (feature `radio-sbus`).
-    RadioSbus,
-    /// With a CRSF receiver (feature `radio-crsf`).
+    /// With a CRSF receiver and outputs for valves and power (feature `radio-crsf`).
     RadioCrsf,
     /// With servo pulses on the board's inputs for them (feature `radio-pwm`).
     RadioPwm,
@@ -37,7 +35,7 @@ pub enum Image {
 
 impl Image {
     /// All of them.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 12] = [
         Self::Release,
         Self::Demo,
         Self::AllPorts,
@@ -45,7 +43,6 @@ impl Image {
         Self::PlayEcu,
         Self::Ardupilot,
         Self::SelfTest,
-        Self::RadioSbus,
         Self::RadioCrsf,
         Self::RadioPwm,
         Self::Outputs,
@@ -63,13 +60,17 @@ impl Image {
             Self::PlayEcu => Some("play-ecu"),
             Self::Ardupilot => Some("ardupilot-bootloader"),
             Self::SelfTest => Some("selftest"),
-            Self::RadioSbus => Some("radio-sbus"),
             Self::RadioCrsf => Some("radio-crsf"),
             Self::RadioPwm => Some("radio-pwm"),
             Self::Outputs => Some("outputs"),
             Self::Usb => Some("usb"),
             Self::Supply => Some("supply"),
         }
+    }
+
+    /// Whether it drives outputs: engine i has its fuel valve on output i, and the last engine's is energised by the low level.
+    pub const fn has_outputs(self) -> bool {
+        matches!(self, Self::RadioCrsf | Self::Outputs)
     }
 
     /// Those of a board: all of them for the first board of a part, what is flashed for the others.

@@ -29,8 +29,8 @@
 //! - [`pulses`]: one with servo pulses, on the board's inputs for them.
 //! - [`recording`]: what is sent in four named runs, to compare two states of the firmware.
 //! - [`turnaround`]: how long a reply takes.
-//! - `wire`, `chip`, `quirks`, `log`: the far end of a UART, the emulated part, what the emulator needs help
-//!   with, and the firmware's log.
+//! - `wire`, `chip`, `quirks`, `log`, `valves`: the far end of a UART, the emulated part, what the emulator needs help
+//!   with, the firmware's log, and what the audit says of fuel valves.
 
 #![deny(missing_docs, unsafe_code)]
 
@@ -51,6 +51,7 @@ pub mod recording;
 pub mod report;
 pub mod run;
 pub mod turnaround;
+mod valves;
 mod wire;
 
 pub use board::{BOARDS, Board, MATEK_H743, NUCLEO_H743ZI2, PIXRACER};

@@ -31,7 +31,7 @@ fn port(board: &Board, name: char) -> u64 {
     board.gpio + 0x400 * u64::from(name as u8 - b'A')
 }
 
-/// The history of a pin: its level from each of these times on. The run has to record it ([`crate::Run::outputs`]).
+/// The history of a pin: its level from each of these times on.
 #[derive(Clone, Debug)]
 pub struct Pin(Vec<(Nanos, Level)>);
 
@@ -73,6 +73,17 @@ impl Pin {
         }
         resets.for_each(|at| change(at, false, false));
         Self(history)
+    }
+
+    /// With these changes of its level.
+    #[cfg(test)]
+    pub(crate) const fn from_levels(levels: Vec<(Nanos, Level)>) -> Self {
+        Self(levels)
+    }
+
+    /// When it was driven first.
+    pub fn driven(&self) -> Option<Nanos> {
+        self.0.iter().find(|(_, level)| *level != Level::Floats).map(|(at, _)| *at)
     }
 
     /// Its level at a time.

@@ -67,7 +67,7 @@ impl Run {
             pulses: None,
             acts: Vec::new(),
             taps: Vec::new(),
-            registers: Vec::new(),
+            registers: pins::registers(board),
             labels: Vec::new(),
             until: SECOND,
             live: false,
@@ -152,12 +152,6 @@ impl Run {
     /// Records every write to this register.
     pub fn record(mut self, register: u64) -> Self {
         self.registers.push(register);
-        self
-    }
-
-    /// Records the pins of the board's outputs ([`crate::pins::Pin`]).
-    pub fn outputs(mut self) -> Self {
-        self.registers.extend(pins::registers(self.board));
         self
     }
 

@@ -68,6 +68,8 @@ pub(crate) struct Engine<'a> {
     ordered_by: Option<u8>,
     /// The vehicle's arming was passed on.
     armed: bool,
+    /// And that it is disarmed, since then and since a stop: the library has to know it before it lets MAVLink arm again.
+    disarmed: bool,
     /// A start that was allowed while disarmed is under way.
     armed_for_start: bool,
     /// Time of an emergency stop after which the vehicle has not shown disarmed.
@@ -136,6 +138,7 @@ impl<'a> Engine<'a> {
             ordered_by: None,
             armed: false,
             armed_for_start: false,
+            disarmed: false,
             must_disarm: None,
             stop_noted: false,
             last_starts: Vec::new(),
@@ -314,6 +317,9 @@ impl<'a> Engine<'a> {
                 Order::Listen => return Err(Rejected::Listening.into()),
                 Order::Run(_) | Order::Doubt(_) | Order::Pwm => return Err(Refusal::AlreadyRuns),
             }
+            if !armed {
+                self.disarm_beside_others();
+            }
             self.command(Command::Arm)?;
             match self.command(Command::Standby)? {
                 Accepted::InForce => {}
@@ -332,6 +338,7 @@ impl<'a> Engine<'a> {
                 self.switch = switch;
                 self.ordered_by = Some(from.system);
                 self.refreshed = Some(situation.now);
+                self.disarmed = false;
                 if armed {
                     self.armed = true
                 } else {
@@ -368,10 +375,9 @@ impl<'a> Engine<'a> {
         self.note_emergency_stop(now);
     }
 
-    /// Disarms while the stop is latched, when no source has armed: a disarm after its release would be against another source, which
-    /// may have armed since.
+    /// The library has disarmed the engine, and remembers over resets that MAVLink has to disarm before it arms.
     fn note_emergency_stop(&mut self, now: Instant) {
-        self.disarm();
+        (self.armed, self.armed_for_start, self.disarmed) = (false, false, false);
         (self.must_disarm, self.stop_noted) = (Some(now), true);
     }
 
@@ -388,9 +394,16 @@ impl<'a> Engine<'a> {
     }
 
     fn disarm(&mut self) {
-        (self.armed, self.armed_for_start) = (false, false);
+        (self.armed, self.armed_for_start, self.disarmed) = (false, false, true);
         // It is never refused.
         let _ = self.command(Command::Disarm);
+    }
+
+    /// Disarms where no source has armed: else it would be against that source.
+    fn disarm_beside_others(&mut self) {
+        if !self.disarmed && !self.telemetry().armed {
+            self.disarm();
+        }
     }
 
     /// The vehicle was armed and shows disarmed: a start that is under way ends, however it was allowed.
@@ -473,6 +486,7 @@ impl<'a> Engine<'a> {
         }
         match vehicle.arming() {
             Arming::Armed => {
+                self.disarmed = false;
                 if !self.armed && self.must_disarm.is_none() && !telemetry.stop_latched {
                     self.armed = self.command(Command::Arm).is_ok();
                 }
@@ -485,6 +499,7 @@ impl<'a> Engine<'a> {
                 if self.armed {
                     self.disarm();
                 }
+                critical_section::with(|_| self.disarm_beside_others());
             }
             Arming::Unknown => {
                 // Without a vehicle, the release of the stop is what a person has to do.

@@ -14,7 +14,6 @@ fn armed_running_source_lost_and_stop_latched_are_shown() {
             .quick_engines()
             .radio(Receiver::new(Protocol::Sbus))
             .record(led.register)
-            .outputs()
             .at(5 * SECOND, |bench| bench.radio().switch = Position::Standby)
             .at(9 * SECOND, |bench| bench.radio().switch = Position::Run)
             .at(60 * SECOND, |bench| bench.radio().transmitter = false)

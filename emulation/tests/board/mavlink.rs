@@ -13,7 +13,7 @@ use sim::turbine::Phase;
 use sim::zk::ZkEcu;
 use std::collections::BTreeMap;
 
-const LINE: Line = Line::n1(57_600);
+pub const LINE: Line = Line::n1(57_600);
 const VEHICLE: u8 = 7;
 const AUTOPILOT: (u8, u8) = (VEHICLE, 1);
 const GROUND: (u8, u8) = (255, 190);
@@ -130,7 +130,7 @@ impl Frame {
 
 /// The autopilot and the ground station.
 #[derive(Debug, Default)]
-struct Client {
+pub struct Client {
     next: Nanos,
     /// What the ground station sends, and when.
     script: Vec<(Nanos, Vec<u8>)>,
@@ -261,6 +261,11 @@ impl Ecu for Client {
     }
 
     fn power(&mut self, _: Nanos, _: bool) {}
+}
+
+/// An autopilot and a ground station whose line is full of settings from 8 s on.
+pub fn flood() -> Client {
+    Client { flood: true, ..Client::default() }
 }
 
 /// Nothing was wrong on the wire: no byte outside of frames, none lost, and all of one system.
@@ -426,7 +431,7 @@ fn settings_of_radio_control_are_set_stored_and_used() {
         // Channel 1 is at idle, which is its longer pulse; channel 3 at full throttle.
         let mut receiver = Receiver::new(Protocol::Sbus);
         (receiver.stick, receiver.others) = (100, vec![(1, 1850)]);
-        let report = Run::new(board, Image::RadioSbus)
+        let report = Run::new(board, Image::Outputs)
             .quick_engines()
             .only(&[amt, "SERIAL5"])
             .radio(receiver)

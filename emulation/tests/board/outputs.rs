@@ -41,7 +41,6 @@ fn flying(board: &'static Board) -> Run {
         .quick_engines()
         .only(&[AMT, ZK])
         .radio(Receiver::new(Protocol::Sbus))
-        .outputs()
         .at(3 * SECOND, |bench| bench.radio().switch = Position::Standby)
         .at(5 * SECOND, |bench| bench.radio().switch = Position::Run)
         .at(26 * SECOND, |bench| bench.radio().stick = 50)

@@ -1,6 +1,8 @@
 //! A receiver of radio control on its port, SBUS or CRSF: line settings, an AMT and a ZK turbine by stick and switch, and what a receiver that is
 //! lost, unplugged or plugged in at full throttle does.
 
+use crate::mavlink;
+use crate::reply_time::GARBAGE;
 use crate::support::on_each_board;
 use emulation::board::Part;
 use emulation::receiver::{Position, Protocol, Receiver};
@@ -11,12 +13,15 @@ use sim::line::Line;
 use sim::turbine::Phase;
 use sim::zk::{Sw, ZkCommand, ZkEcu};
 
-/// Both protocols, each with its image.
-const BOTH: [(Protocol, Image); 2] = [(Protocol::Sbus, Image::RadioSbus), (Protocol::Crsf, Image::RadioCrsf)];
+/// Both protocols, each with an image that has a valve for each engine, too.
+const BOTH: [(Protocol, Image); 2] = [(Protocol::Sbus, Image::Outputs), (Protocol::Crsf, Image::RadioCrsf)];
 
 /// Ports of an AMT engine, "left", and of a ZK engine, "booster".
 pub const AMT: &str = "SERIAL2";
 pub const ZK: &str = "SERIAL5";
+
+/// Every line at once.
+const ALL_FULL: &str = "all lines full";
 
 /// An order that an ECU obeyed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -196,12 +201,13 @@ fn the_port_of_a_receiver_has_its_line_settings() {
     });
 }
 
-/// How long a reply takes beside a receiver: with none, at its usual pace, and with a line that is full.
+/// How long a reply takes beside a receiver: with none, at its usual pace, with a line that is full, and with every other line full,
+/// too: the telemetry port's, where settings are written, and those of all other ECUs.
 #[test]
 fn the_worst_reply_beside_a_busy_receiver_is_far_inside_the_window() {
     on_each_board(|board| {
         let without = [(BOTH[0], "no receiver")];
-        let with = BOTH.into_iter().flat_map(|which| [(which, "usual pace"), (which, "line full")]);
+        let with = BOTH.into_iter().flat_map(|which| ["usual pace", "line full", ALL_FULL].map(|load| (which, load)));
         for ((protocol, image), load) in without.into_iter().chain(with) {
             let receiver = Receiver::new(protocol);
             let frame = receiver.frame();
@@ -212,11 +218,24 @@ fn the_worst_reply_beside_a_busy_receiver_is_far_inside_the_window() {
             if load != "no receiver" {
                 run = run.radio(receiver);
             }
-            if load == "line full" {
+            if [ALL_FULL, "line full"].contains(&load) {
                 let radio = board.radio;
                 run = run.at(SECOND, move |bench| bench.babble(radio, Some(&frame)));
             }
-            let report = run.until(8 * SECOND).go();
+            let mut until = 8 * SECOND;
+            if load == ALL_FULL {
+                let titan = AmtConfig { period: 48_017_000, ..AmtConfig::new(EngineModel::Titan) }.on(line);
+                run = run
+                    .ecu("SERIAL3", line, AmtEcu::new(titan))
+                    .ecu(board.telemetry.name, mavlink::LINE, mavlink::flood())
+                    .at(SECOND, |bench| {
+                        bench.babble("SERIAL4", Some(&GARBAGE));
+                        bench.babble(ZK, Some(&GARBAGE));
+                    });
+                // The flood of settings begins after 8 s.
+                until = 14 * SECOND;
+            }
+            let report = run.until(until).go();
             let stats = report.ecu::<AmtEcu>(AMT).stats;
             // The set-up frame is longer than this period, so the next frame comes into the reply to it.
             let in_order = stats.late == 0 && stats.none <= 1 && stats.unsolicited <= 1;

@@ -273,6 +273,54 @@ fn an_emergency_stop_is_latched_and_arming_counts_only_after_disarmed() {
     });
 }
 
+/// Armed all along, over the stop, its release and a restart of the node before or after that: that is no change from disarmed to armed.
+/// The control: a vehicle that disarms starts again, also one that was disarmed while the node was away.
+#[test]
+fn a_restart_does_not_replace_disarming_after_an_emergency_stop() {
+    for (latched, disarms) in
+        [(true, None), (false, None), (true, Some(true)), (false, Some(true)), (false, Some(false))]
+    {
+        run(async |world| {
+            world.ready().await;
+            world.start(1).await;
+            assert_eq!(world.command(ENGINE[1], USER, &[1.0, 21196.0]).await.0, ACCEPTED);
+            world.until("at rest", 300, || world.state(1) <= 3).await;
+            world.pass(60.0).await;
+            if latched {
+                world.restart_service();
+                world.pass(5.0).await;
+            }
+            assert_eq!(world.command(ENGINE[1], USER, &[2.0, 21196.0]).await.0, ACCEPTED);
+            world.until("standby", 60, || world.telemetry(1).state == EngineState::Standby).await;
+            if disarms == Some(false) {
+                // While nobody listens.
+                world.plane.armed.set(false);
+            }
+            if !latched {
+                world.restart_service();
+                world.pass(5.0).await;
+            }
+            match disarms {
+                None => {
+                    let (answer, text) = world.control(1, &[1.0]).await;
+                    assert_eq!(answer, NOT_NOW, "{latched} {text}");
+                    assert!(text.contains("isarm"), "{text}");
+                    assert!(!world.telemetry(1).armed, "{latched}");
+                }
+                Some(seen) => {
+                    if seen {
+                        world.plane.armed.set(false);
+                        world.pass(5.0).await;
+                    }
+                    world.plane.armed.set(true);
+                    world.pass(5.0).await;
+                    world.start(1).await;
+                }
+            }
+        });
+    }
+}
+
 /// Radio control releases a stop and arms: with the autopilot disarmed, and with none.
 #[test]
 fn what_another_source_arms_after_a_stop_stays_armed() {
