@@ -143,15 +143,14 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
                 self.store_learnt(id);
             }
             Some(VehicleEvent::TwoAutopilots(one, other)) => {
-                let (one, other) = (u32::from(one), u32::from(other));
-                // There is no id to send it with, but where one is set.
-                self.say(
-                    now,
-                    Place::Node,
-                    Severity::Error,
-                    None,
-                    format_args!("two autopilots, systems {one} and {other}: set MAV_SYSID"),
-                );
+                // The node has no id while it learns: whoever looks at one of both has to see it.
+                for system in [one, other] {
+                    self.speaks_as = Some(system);
+                    let (one, other) = (u32::from(one), u32::from(other));
+                    let text = format_args!("two autopilots, systems {one} and {other}: set MAV_SYSID");
+                    self.say(now, Place::Node, Severity::Error, None, text);
+                }
+                self.speaks_as = None;
             }
             Some(VehicleEvent::Disarmed) => {
                 self.engines.iter_mut().for_each(super::Engine::vehicle_disarmed);

@@ -97,6 +97,8 @@ pub struct Service<'a, const N: usize, const P: usize, A: Attached = Nothing> {
     node_texts: Limiter,
     texts: Vec<Limiter, N>,
     text_id: u16,
+    /// The system id of a text that the node sends before it has one.
+    speaks_as: Option<u8>,
     started: Instant,
     next_tick: Instant,
     next_heartbeat: Instant,
@@ -201,6 +203,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             received: Vec::new(),
             node_texts: Limiter::new(now),
             text_id: 0,
+            speaks_as: None,
             started: now,
             next_tick: now,
             next_heartbeat: now,
@@ -327,7 +330,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
     /// The system id on a port. While an autopilot is received that has not been learnt, and on the autopilot's port, there is
     /// none; elsewhere it is 1 until one is known.
     fn system(&self, now: Instant, port: usize) -> Option<u8> {
-        match self.vehicle.id() {
+        match self.vehicle.id().or(self.speaks_as) {
             Some(id) => Some(id),
             None if self.autopilot_port == Some(port) || self.vehicle.is_learning(now) => None,
             None if self.autopilot_port.is_some() && now < self.started + LISTEN => None,

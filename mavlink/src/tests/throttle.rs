@@ -314,6 +314,45 @@ fn a_vehicle_that_was_learnt_is_known_at_once_after_a_reset_in_flight() {
     });
 }
 
+/// "Two heard: a text, none learnt." It goes out under the id of each of them, because the node has none. The control: beside a single one
+/// the node is silent until it has learnt it, and that is no error.
+#[test]
+fn of_two_autopilots_none_is_learnt_and_a_text_says_so() {
+    for two in [true, false] {
+        run(async |world| {
+            let other = Address { system: SYSTEM + 1, component: 1 };
+            for _ in 0..20 {
+                world.pass(1.0).await;
+                let beat = HEARTBEAT_DATA { mavtype: 1, autopilot: 3, ..Default::default() };
+                if two {
+                    world.say(TO_AUTOPILOT, other, &beat);
+                }
+            }
+            assert_eq!(world.service.borrow().system_id(), (!two).then_some(SYSTEM));
+            let (one, other) = (SYSTEM, SYSTEM + 1);
+            let says = |one, other| {
+                world.texts().contains(&std::format!("two autopilots, systems {one} and {other}: set MAV_SYSID"))
+            };
+            assert_eq!(says(one, other) || says(other, one), two, "{}", world.texts());
+            let from = |system: u8| {
+                let frames = world.frames.borrow();
+                frames
+                    .iter()
+                    .filter(|(_, port, frame)| *port == TO_AUTOPILOT && frame.from.system == system)
+                    .count()
+            };
+            if two {
+                assert!(
+                    from(SYSTEM) > 0 && from(SYSTEM) == from(SYSTEM + 1),
+                    "{} {}",
+                    from(SYSTEM),
+                    from(SYSTEM + 1)
+                );
+            }
+        });
+    }
+}
+
 #[test]
 fn a_vehicle_that_is_received_beside_ours_is_not_learnt() {
     run(async |world| {
