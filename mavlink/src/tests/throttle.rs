@@ -314,7 +314,47 @@ fn a_vehicle_that_was_learnt_is_known_at_once_after_a_reset_in_flight() {
     });
 }
 
-/// "Two heard: a text, none learnt." It goes out under the id of each of them, because the node has none. The control: beside a single one
+/// PX4 as its source has it: a stream for each instance of its outputs, of which a request for a rate moves the first only, and 0 for an
+/// output that is off.
+#[test]
+fn px4_sends_the_outputs_of_each_instance_and_the_engine_follows_its_own() {
+    run(async |world| {
+        let second = |pulse: u16| {
+            let mut servo = [0; 16];
+            servo[1] = pulse;
+            world.plane.px4.set(Some(Some(servo)));
+        };
+        second(IDLE_US);
+        world.ready().await;
+        assert_eq!(world.set(ENGINE[1], "MAV_THR_OUT", 18.0).await.0, Some(18.0));
+        // All outputs of the first instance are at full.
+        world.throttle(1900);
+        world.plane.outputs.set([1900; 16]);
+        world.start(1).await;
+        world.pass(5.0).await;
+        assert_eq!(world.ordered(1), Some(0), "the first instance moves it");
+        second(1500);
+        world.until("it follows", 2, || world.ordered(1) == Some(500)).await;
+        world.pass(5.0).await;
+        assert_eq!(world.telemetry(1).loss, LossStage::None, "ten frames a second are enough");
+        // PX4 gives 0 where an output is off, and the frames come.
+        second(0);
+        world.until("silence", 5, || world.telemetry(1).loss == LossStage::Hold).await;
+        second(1500);
+        world.until("it is there again", 20, || world.telemetry(1).loss == LossStage::None).await;
+        world.rises_to(1, 500).await;
+        // The second instance is gone, the first comes.
+        world.plane.px4.set(Some(None));
+        world.until("silence", 5, || world.telemetry(1).loss == LossStage::Hold).await;
+        world.until("fail-safe throttle", 10, || world.ordered(1) == Some(0)).await;
+        assert_eq!(world.telemetry(1).state, EngineState::Running);
+        let requests = world.plane.requests.borrow();
+        let close = requests.windows(2).filter(|pair| pair[1].0 - pair[0].0 < Duration::from_millis(4900));
+        assert!(!requests.is_empty() && close.count() <= 1, "{requests:?}");
+    });
+}
+
+/// "Two are received: a text, none is learnt." It goes out under the id of each of them, because the node has none. The control: beside a single one
 /// the node is silent until it has learnt it, and that is no error.
 #[test]
 fn of_two_autopilots_none_is_learnt_and_a_text_says_so() {
@@ -331,7 +371,9 @@ fn of_two_autopilots_none_is_learnt_and_a_text_says_so() {
             assert_eq!(world.service.borrow().system_id(), (!two).then_some(SYSTEM));
             let (one, other) = (SYSTEM, SYSTEM + 1);
             let says = |one, other| {
-                world.texts().contains(&std::format!("two autopilots, systems {one} and {other}: set MAV_SYSID"))
+                world
+                    .texts()
+                    .contains(&std::format!("two autopilots, systems {one} and {other}: set MAV_SYSID"))
             };
             assert_eq!(says(one, other) || says(other, one), two, "{}", world.texts());
             let from = |system: u8| {

@@ -57,6 +57,8 @@ pub struct Plane {
     /// Time between two frames of outputs; `None`: as it granted.
     pub every: Cell<Option<Duration>>,
     granted: Cell<Option<Duration>>,
+    /// It is PX4, with these pulse widths in the second instance of its outputs, ten times a second; `None` there: that instance is gone.
+    pub px4: Cell<Option<Option<[u16; 16]>>>,
     /// Its clock began then.
     pub booted: Cell<Instant>,
     pub requests: RefCell<Vec<(Instant, f32)>>,
@@ -352,6 +354,7 @@ impl World<'_> {
     async fn fly_plane(&self) {
         let mut next_heartbeat = Instant::now();
         let mut next_outputs = Instant::now();
+        let mut next_instance = Instant::now();
         loop {
             Timer::after(Duration::from_millis(5)).await;
             let now = Instant::now();
@@ -368,7 +371,7 @@ impl World<'_> {
                     &HEARTBEAT_DATA {
                         custom_mode: 0,
                         mavtype: 1,
-                        autopilot: 3,
+                        autopilot: if self.plane.px4.get().is_some() { 12 } else { 3 },
                         base_mode: 1 | if self.plane.armed.get() { MODE_ARMED } else { 0 },
                         system_status: 4,
                         mavlink_version: 3,
@@ -382,6 +385,13 @@ impl World<'_> {
                 next_outputs = now + every;
                 let time_usec = (now - self.plane.booted.get()).as_micros() as u32;
                 self.say(TO_AUTOPILOT, from, &outputs(time_usec, self.plane.outputs.get()));
+            }
+            if let Some(Some(servo)) = self.plane.px4.get()
+                && now >= next_instance
+            {
+                next_instance = now + Duration::from_millis(100);
+                let time_usec = (now - self.plane.booted.get()).as_micros() as u32;
+                self.say(TO_AUTOPILOT, from, &SERVO_OUTPUT_RAW_DATA { port: 1, ..outputs(time_usec, servo) });
             }
         }
     }
@@ -526,6 +536,7 @@ pub fn run_signed(
         outputs: Cell::new([IDLE_US; 16]),
         every: Cell::new(None),
         granted: Cell::new(None),
+        px4: Cell::new(None),
         booted: Cell::new(Instant::now()),
         requests: RefCell::default(),
     };
