@@ -63,7 +63,8 @@ fn switches(wire: &Wire, protocol: Protocol) -> Vec<Sent> {
         fate: Fate::Delivered,
     };
     let entries: Vec<_> = wire.tx.iter().map(entry).collect();
-    let frames = Reader::new(protocol).read(&entries).filter_map(|frame| {
+    let mut reader = Reader::new(protocol);
+    let frames = reader.read(&entries).filter_map(|frame| {
         Some(Sent { start: frame.start, end: frame.end, switch: frame.command.ok()?.switch()? })
     });
     frames.collect()
