@@ -141,6 +141,8 @@ pub struct Report {
     pub egt: Option<Timed<Celsius>>,
     /// Throttle that the ECU obeys. A number above 100 % is ignored.
     pub throttle: Option<Timed<Throttle>>,
+    /// The one reported before it, unless it was too old then.
+    pub(crate) throttle_before: Option<Throttle>,
     /// Supply (ZK power voltage, AMT battery voltage).
     pub supply: Option<Timed<Reading>>,
     /// AMT external battery.
@@ -195,7 +197,23 @@ pub struct Report {
     pub unknown: Option<Timed<RawFrame>>,
 }
 
+/// Largest age of a reported value that counts as current.
+pub const REPORT_MAX_AGE: Duration = Duration::from_secs(3);
+
 impl Report {
+    /// Takes a throttle that the ECU reports.
+    pub(crate) fn set_throttle(&mut self, now: Instant, throttle: Throttle) {
+        let before = self.throttle.replace(Timed::new(throttle, now));
+        self.throttle_before =
+            before.filter(|before| before.age(now) <= REPORT_MAX_AGE).map(|before| before.value);
+    }
+
+    /// The throttle that decisions use: the lower of the last two, so that one odd report raises no demand.
+    pub(crate) fn settled_throttle(&self, now: Instant) -> Option<Throttle> {
+        let last = self.throttle.filter(|throttle| throttle.age(now) <= REPORT_MAX_AGE)?.value;
+        Some(self.throttle_before.map_or(last, |before| before.min(last)))
+    }
+
     /// Whether the ECU reports any faults.
     pub fn is_faulty(&self) -> bool {
         self.faults.is_some_and(|faults| !faults.value.is_empty())

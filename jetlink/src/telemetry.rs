@@ -4,12 +4,10 @@ use crate::command::{Demand, Order, Ordered, Origin};
 use crate::engine::state::EngineState;
 use crate::event::LossStage;
 use crate::indication::Indication;
-use crate::report::{Counters, LinkState, Report, Timed};
+use crate::report::{Counters, LinkState, REPORT_MAX_AGE, Report, Timed};
 use crate::units::Millivolts;
 use embassy_time::{Duration, Instant};
 
-/// Largest age of a current value, 3 s.
-const CURRENT: Duration = Duration::from_secs(3);
 /// Shaft speed below which an engine counts as at rest.
 const REST_RPM: u32 = 1000;
 
@@ -79,7 +77,7 @@ impl Telemetry {
     /// Not inlined: it would be in an image some 30 times.
     #[inline(never)]
     fn is_current(&self, at: Instant) -> bool {
-        self.at.saturating_duration_since(at) <= CURRENT
+        self.at.saturating_duration_since(at) <= REPORT_MAX_AGE
     }
 
     /// Whether a current shaft speed is 1000 rpm or above; `None` without one.

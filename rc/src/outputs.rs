@@ -6,13 +6,12 @@
 use crate::settings::OutputSettings;
 use embassy_time::{Duration, Instant};
 use jetlink::command::{Order, Origin};
+use jetlink::engine::OBEY_GRACE;
 use jetlink::engine::retained::RetainedState;
 use jetlink::report::{LinkState, Phase};
 use jetlink::telemetry::Telemetry;
 use jetlink::units::Celsius;
 
-/// Time until it is known that an ECU does not follow, as the engine's supervision has it.
-const KNOWN_AFTER: Duration = Duration::from_secs(3);
 /// Fall of the exhaust temperature that counts, in 0.1 °C.
 const EGT_FALL: i16 = 200;
 /// Exhaust temperature at which an engine is cold.
@@ -313,7 +312,7 @@ impl Outputs {
         least.rpm = least.rpm.or(rpm);
         least.egt = least.egt.or(egt);
         let since = least.since;
-        let after = KNOWN_AFTER.checked_add(self.settings.not_obeyed?)?;
+        let after = OBEY_GRACE.checked_add(self.settings.not_obeyed?)?;
         (telemetry.at.saturating_duration_since(since) >= after).then_some(Why::KeepsRunning)
     }
 }

@@ -8,11 +8,9 @@ use super::sources::Intent;
 use crate::command::{Demand, Origin};
 use crate::event::Event;
 use crate::link::{Link, Sign, Stage};
+use crate::report::REPORT_MAX_AGE;
 use crate::units::Throttle;
 use embassy_time::{Duration, Instant};
-
-/// Largest age of a reported throttle that the ECU still obeys.
-const THROTTLE_MAX_AGE: Duration = Duration::from_secs(3);
 
 impl Engine {
     /// Judges what one frame says about the life of the engine, before its reply is handed out.
@@ -72,17 +70,14 @@ impl Engine {
 
     /// Acts on the result of a search for a running engine.
     fn found(&mut self, now: Instant, found: Found, sign: Sign) {
-        let throttle = match sign {
-            Sign::State { throttle, .. } | Sign::Faulted { throttle, .. } => throttle,
-            _ => None,
-        };
-        let reported =
-            self.link.status().report.throttle.filter(|throttle| throttle.age(now) <= THROTTLE_MAX_AGE);
-        let throttle = throttle.or(reported.map(|throttle| throttle.value));
+        let status = self.link.status();
+        let throttle = status.report.settled_throttle(now);
+        // Two reports come within a second. An engine whose ECU never reports a throttle goes to idle.
+        let waits = status.report.throttle_before.is_none()
+            && now < status.up_since.map_or(self.started, |up| up.max(self.started)) + REPORT_MAX_AGE;
         match (found, throttle) {
             (Found::Nothing, _) => {}
-            // The throttle is reported within a second. An engine whose ECU never reports it goes to idle.
-            (Found::Running, None) if now < self.started + THROTTLE_MAX_AGE => {}
+            (Found::Running, _) if waits => {}
             (Found::NotRunning, _) => self.standby(now, Origin::Node),
             // It has no source, so the stages of loss begin.
             (Found::Running | Found::Burning, throttle) => {

@@ -51,6 +51,7 @@ use embassy_time::{Duration, Instant};
 
 pub use self::config::Loss;
 pub use self::data::Engine;
+pub use self::supervision::OBEY_GRACE;
 
 /// Time without a transmission after which the transmitter is reported as failed and has to be opened again.
 pub(crate) const TRANSMITTER_FAILED: Duration = Duration::from_secs(1);

@@ -2,11 +2,10 @@
 
 use super::data::{Engine, Mode};
 use super::shaper::Shape;
-use super::state::STATE_MAX_AGE;
 use crate::command::{Demand, Order, Ordered, Origin, Rejected};
 use crate::event::{Event, LossStage};
 use crate::link::Link;
-use crate::report::{Phase, ReportedSwitch};
+use crate::report::{Phase, REPORT_MAX_AGE, ReportedSwitch};
 use crate::units::Throttle;
 use embassy_time::Instant;
 
@@ -25,13 +24,7 @@ impl Engine {
             idle_rpm,
             max_rpm: self.link.status().report.max_rpm.map(|max| max.value),
             rpm: self.link.status().report.rpm,
-            throttle: self
-                .link
-                .status()
-                .report
-                .throttle
-                .filter(|throttle| throttle.age(now) <= STATE_MAX_AGE)
-                .map(|throttle| throttle.value),
+            throttle: self.link.status().report.settled_throttle(now),
             sent: match &self.mode {
                 Mode::Run(run) => run.sent,
                 _ => Demand::Throttle(Throttle::IDLE),
@@ -113,7 +106,7 @@ impl Engine {
     /// Whether the ECU's recent reports match the order. Old reports count as a match.
     pub(super) fn obeys(&self, now: Instant) -> bool {
         let report = &self.link.status().report;
-        let switch = report.switch.filter(|switch| switch.age(now) <= STATE_MAX_AGE);
+        let switch = report.switch.filter(|switch| switch.age(now) <= REPORT_MAX_AGE);
         let at_rest = self.phase().is_some_and(Phase::is_stopped);
         let switch_obeys = switch.is_none_or(|switch| match (self.ordered.order, switch.value) {
             (Order::Listen | Order::Doubt(_) | Order::Pwm, _) | (_, ReportedSwitch::Unknown(_)) => true,
@@ -123,7 +116,7 @@ impl Engine {
             (Order::Standby, switch) => switch != ReportedSwitch::Run,
             (Order::Run(_), switch) => switch == ReportedSwitch::Run,
         });
-        let throttle = report.throttle.filter(|throttle| throttle.age(now) <= STATE_MAX_AGE);
+        let throttle = report.throttle.filter(|throttle| throttle.age(now) <= REPORT_MAX_AGE);
         let throttle_obeys = match (self.ordered.order, throttle) {
             (Order::Run(Demand::Throttle(ordered)), Some(reported))
                 if self.phase() == Some(Phase::Running) && !self.link.status().shutting_down =>

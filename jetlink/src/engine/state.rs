@@ -1,16 +1,13 @@
 //! The state of an engine, from the reports of its ECU and their age, never from commands. Each link turns the codes of its
 //! protocol into a [`Phase`]; this adds age, switch and faults.
 
-use crate::report::{EcuState, LinkState, Phase, Report, ReportedSwitch};
+use crate::report::{EcuState, LinkState, Phase, REPORT_MAX_AGE, Report, ReportedSwitch};
 use crate::sentence::sentences;
-use embassy_time::{Duration, Instant};
-
-/// Largest age of a reported state that counts as current.
-pub(super) const STATE_MAX_AGE: Duration = Duration::from_secs(3);
+use embassy_time::Instant;
 
 /// The reported phase, unless its report is missing or old.
 pub(super) fn current_phase(now: Instant, report: &Report) -> Option<Phase> {
-    report.phase.filter(|phase| phase.age(now) <= STATE_MAX_AGE).map(|phase| phase.value)
+    report.phase.filter(|phase| phase.age(now) <= REPORT_MAX_AGE).map(|phase| phase.value)
 }
 
 /// State of an engine.

@@ -13,7 +13,7 @@ use embassy_time::{Duration, Instant};
 use heapless::Deque;
 
 /// Grace period in which the ECU may report something other than the order.
-const OBEY_GRACE: Duration = Duration::from_secs(3);
+pub const OBEY_GRACE: Duration = Duration::from_secs(3);
 
 impl Engine {
     /// Updates the order from the sources, the ECU and the time.

@@ -191,7 +191,7 @@ impl AmtLink {
     ) {
         self.status.report.egt = Some(Timed::new(egt.celsius(), now));
         if let Some(throttle) = throttle.throttle() {
-            self.status.report.throttle = Some(Timed::new(throttle, now));
+            self.status.report.set_throttle(now, throttle);
         }
         let scale = self.engine().and_then(EngineModel::vout_scale);
         self.status.report.pump = Some(Timed::new(reading(vout, scale), now));

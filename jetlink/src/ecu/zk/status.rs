@@ -85,7 +85,7 @@ impl DebouncedStatus {
             }
             Status::Throttle { percent, pressure } => {
                 if let Ok(throttle) = Throttle::from_percent(percent) {
-                    report.throttle = Some(Timed::new(throttle, now));
+                    report.set_throttle(now, throttle);
                 }
                 report.pressure = Some(Timed::new(pressure, now));
             }

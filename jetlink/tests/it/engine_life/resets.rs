@@ -87,7 +87,9 @@ fn two_reports_decide_while_no_order_is_in_force() {
         scenario.values.rpm = Some(rpm);
         scenario.introduce();
         if ecu == Ecu::Zk {
-            scenario.bench.receive(&zk_frames::status(3, rpm, [65, 0, 0]));
+            for _ in 0..2 {
+                scenario.bench.receive(&zk_frames::status(3, rpm, [65, 0, 0]));
+            }
         }
         let mut frame = report(ecu, state, rpm);
         if ecu == Ecu::Amt {
@@ -96,6 +98,38 @@ fn two_reports_decide_while_no_order_is_in_force() {
         for expected in [Order::Listen, second] {
             receive(&mut scenario, &frame);
             assert_eq!(scenario.order(), expected, "{ecu:?} {state} {rpm}");
+        }
+    }
+}
+
+/// A ZK ECU reports its throttle in frames of their own. An engine that is found running resumes at the lower of the last two, so that
+/// one odd report neither raises its demand nor is the only one.
+#[test]
+fn one_odd_throttle_does_not_raise_the_demand_of_an_engine_that_is_found() {
+    for (throttles, resumed) in [
+        (&[30, 30][..], Some(30)),
+        (&[30, 100], Some(30)),
+        (&[100, 30], Some(30)),
+        (&[100, 30, 30, 31], Some(30)),
+        (&[100], None),
+        (&[], None),
+    ] {
+        let mut scenario = Scenario::after_reset(Ecu::Zk, Ecu::Zk.config(), None);
+        scenario.values.rpm = Some(TURNING);
+        scenario.introduce();
+        for throttle in throttles {
+            scenario.bench.receive(&zk_frames::status(3, TURNING, [*throttle, 0, 0]));
+        }
+        for _ in 0..2 {
+            receive(&mut scenario, &report(Ecu::Zk, 11, TURNING));
+        }
+        let expected = resumed.map_or(Order::Listen, |resumed| Order::Run(percent(resumed)));
+        assert_eq!(scenario.order(), expected, "{throttles:?}");
+        if resumed.is_none() {
+            // The second one decides, and after 3 s none is waited for.
+            scenario.reports(Reports::Running);
+            scenario.pass_us(4 * SECOND);
+            assert!(matches!(scenario.order(), Order::Run(_)), "{throttles:?}: {}", scenario.order());
         }
     }
 }
@@ -424,7 +458,9 @@ fn a_gap_separates_the_reports_that_find_an_engine() {
             let mut scenario = Scenario::after_reset(ecu, ecu.config(), None);
             scenario.introduce();
             if ecu == Ecu::Zk {
-                scenario.bench.receive(&zk_frames::status(3, 0, [0, 0, 0]));
+                for _ in 0..2 {
+                    scenario.bench.receive(&zk_frames::status(3, 0, [0, 0, 0]));
+                }
             }
             let frame = ecu.frame(reports, scenario.values);
             for received in 0..2 {
@@ -474,7 +510,9 @@ fn silence_before_a_brown_out_lowers_the_engine_that_is_found() {
             scenario.values.half_percents = 180;
             scenario.introduce();
             if ecu == Ecu::Zk {
-                scenario.bench.receive(&zk_frames::status(3, TURNING, [90, 0, 0]));
+                for _ in 0..2 {
+                    scenario.bench.receive(&zk_frames::status(3, TURNING, [90, 0, 0]));
+                }
             }
             scenario.reports = Some(Reports::Running);
             scenario.pass_us(2 * FRAME_PERIOD_US);

@@ -29,7 +29,9 @@ fn after_a_brown_out_repeated_standby_of_the_highest_source_shuts_down() {
         scenario.reports = Some(Reports::Running);
         scenario.introduce();
         if ecu == Ecu::Zk {
-            scenario.bench.receive(&zk_frames::status(3, TURNING, [60, 0, 0]));
+            for _ in 0..2 {
+                scenario.bench.receive(&zk_frames::status(3, TURNING, [60, 0, 0]));
+            }
         }
         scenario.pass_us(12 * SECOND / 10);
         assert!(matches!(scenario.order(), Order::Run(_)), "{:?}", scenario.order());

@@ -293,7 +293,9 @@ fn a_demand_of_another_kind_that_was_not_sent_moves_nothing() {
         scenario.reports = Some(Reports::Running);
         scenario.fly_us(run(50), Origin::Rc, 6 * SECOND);
         // A report of before.
-        scenario.bench.receive(&zk_frames::status(3, TURNING, [80, 0, 0]));
+        for _ in 0..2 {
+            scenario.bench.receive(&zk_frames::status(3, TURNING, [80, 0, 0]));
+        }
         // Between two slots.
         scenario.pass_us(FRAME_PERIOD_US / 2);
         let _ = scenario.command_from(run(50), Origin::Rc);
