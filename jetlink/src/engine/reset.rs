@@ -51,8 +51,12 @@ impl Engine {
         }
     }
 
-    /// Begins after any kind of reset, with the state that survived it.
+    /// Begins after any kind of reset, with the state that survived it. Once: a second runner of the same engine finds it as the
+    /// first one left it, and no run comes into doubt.
     pub fn start(&mut self, now: Instant, retained: Option<RetainedState>) {
+        if self.begun {
+            return;
+        }
         self.link.start(now);
         self.touch();
         (self.begun, self.started) = (true, now);

@@ -52,6 +52,27 @@ fn a_record_after_a_loss_of_power_starts_and_raises_nothing() {
     }
 }
 
+/// An engine begins once: a second runner does not put a run in doubt, as a reset does, the control.
+#[test]
+fn a_second_start_changes_nothing() {
+    for ecu in BOTH {
+        let mut scenario = flying(ecu);
+        scenario.reports = Some(Reports::Running);
+        scenario.fly_us(run(50), Origin::Rc, SECOND);
+        let (order, now) = (scenario.order(), at_us(scenario.now_us()));
+        let record = scenario.bench.machine.record();
+        assert!(matches!(order, Order::Run(_)));
+        for retained in [None, Some(record)] {
+            scenario.bench.machine.start(now, retained);
+            assert_eq!(scenario.order(), order, "{ecu:?}");
+            scenario.fly_us(run(50), Origin::Rc, SECOND);
+            assert_eq!((scenario.order(), scenario.telemetry().in_doubt), (order, None), "{ecu:?}");
+        }
+        let after = Scenario::after_reset(ecu, ecu.config(), Some(record));
+        assert!(matches!(after.order(), Order::Doubt(_)), "{ecu:?}: {}", after.order());
+    }
+}
+
 /// Where nothing is in force two reports decide: which ones mean an engine that runs, and which one that does not.
 #[test]
 fn two_reports_decide_while_no_order_is_in_force() {
