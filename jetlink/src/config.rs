@@ -87,8 +87,8 @@ impl EngineConfig {
         if self.change(name, number) { Ok(()) } else { Err(SettingError::Off(setting)) }
     }
 
-    /// Changes a setting whose row ([`EngineConfig::rows`]) allows this number. False: there is none of this name, or it belongs
-    /// to something that is off.
+    /// Changes a setting without a look at its range, for a number that its row ([`EngineConfig::rows`]) allows: one that its type
+    /// cannot hold becomes the closest one. False: there is none of this name, or it belongs to something that is off.
     pub fn change(&mut self, name: &str, number: i32) -> bool {
         self.timing.set_own(name, number)
             || self.ecu.set(name, number)

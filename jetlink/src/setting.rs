@@ -328,7 +328,7 @@ sentences!(SettingError {
 impl core::error::Error for SettingError {}
 
 /// Kinds of settings: the type of the field, its unit, and its value as a whole number. A number that does not fit the type
-/// becomes the closest one; every number is checked against its range first.
+/// becomes the closest one.
 #[doc(hidden)]
 pub mod kind {
     #![allow(missing_docs, reason = "for the macro")]
@@ -339,12 +339,29 @@ pub mod kind {
         if value > i32::MAX as u64 { i32::MAX } else { value as i32 }
     }
 
+    /// The closest number of a range.
+    const fn within(value: i32, (least, most): (i32, i32)) -> i32 {
+        if value < least {
+            least
+        } else if value > most {
+            most
+        } else {
+            value
+        }
+    }
+
+    const U8: (i32, i32) = (0, u8::MAX as i32);
+    const U16: (i32, i32) = (0, u16::MAX as i32);
+    const U31: (i32, i32) = (0, i32::MAX);
+    const I16: (i32, i32) = (i16::MIN as i32, i16::MAX as i32);
+    const PER_MILLE: (i32, i32) = (0, 1000);
+
     macro_rules! kind {
         ($name:ident, $type:ty, $unit:ident, |$of:ident| $number:expr, |$value:ident| $make:expr) => {
             #[allow(dead_code, reason = "some kinds stand only inside of an optional one")]
             pub mod $name {
                 #[allow(unused_imports, reason = "not every kind needs all of them")]
-                use super::{OFF, clamp};
+                use super::{I16, OFF, PER_MILLE, U8, U16, U31, clamp, within};
                 #[allow(unused_imports, reason = "not every kind needs all of them")]
                 use crate::units::{Celsius, Millivolts, Rpm, Throttle};
                 #[allow(unused_imports, reason = "not every kind needs all of them")]
@@ -377,7 +394,11 @@ pub mod kind {
 
                 pub const fn number(of: &Type) -> i32 {
                     match of {
-                        Some(value) => $inner::number(value),
+                        // A value with the number of "off" is in no range.
+                        Some(value) => match $inner::number(value) {
+                            OFF => i32::MIN,
+                            number => number,
+                        },
                         None => OFF,
                     }
                 }
@@ -389,25 +410,36 @@ pub mod kind {
         };
     }
 
-    kind!(ms, Duration, Milliseconds, |of| clamp(of.as_millis()), |v| Duration::from_millis(v as u64));
-    kind!(us, Duration, Microseconds, |of| clamp(of.as_micros()), |v| Duration::from_micros(v as u64));
-    kind!(throttle, Throttle, PerMille, |of| of.tenths() as i32, |v| match Throttle::from_tenths(v as u16) {
+    kind!(ms, Duration, Milliseconds, |of| clamp(of.as_millis()), |v| Duration::from_millis(
+        within(v, U31) as u64
+    ));
+    kind!(us, Duration, Microseconds, |of| clamp(of.as_micros()), |v| Duration::from_micros(
+        within(v, U31) as u64
+    ));
+    kind!(throttle, Throttle, PerMille, |of| of.tenths() as i32, |v| match Throttle::from_tenths(within(
+        v, PER_MILLE
+    ) as u16)
+    {
         Ok(throttle) => throttle,
         Err(_) => Throttle::IDLE,
     });
-    kind!(rate, u16, PerMillePerSecond, |of| *of as i32, |v| v as u16);
-    kind!(share, u16, PerMille, |of| *of as i32, |v| v as u16);
-    kind!(gain, u16, Gain, |of| *of as i32, |v| v as u16);
-    kind!(percent, u8, Percent, |of| *of as i32, |v| v as u8);
-    kind!(celsius, Celsius, TenthsCelsius, |of| of.tenths() as i32, |v| Celsius::from_tenths(v as i16));
-    kind!(celsius_rate, u16, CelsiusPerSecond, |of| *of as i32, |v| v as u16);
-    kind!(rpm, Rpm, Rpm, |of| clamp(of.get() as u64), |v| Rpm::new(v as u32));
-    kind!(rpm_rate, u32, RpmPerSecond, |of| clamp(*of as u64), |v| v as u32);
-    kind!(millivolts, Millivolts, Millivolts, |of| clamp(of.get() as u64), |v| Millivolts::new(v as u32));
-    kind!(frames, u8, Frames, |of| *of as i32, |v| v as u8);
-    kind!(raw, u8, Raw, |of| *of as i32, |v| v as u8);
-    kind!(pulse, u16, Microseconds, |of| *of as i32, |v| v as u16);
-    kind!(number, u8, Number, |of| *of as i32, |v| v as u8);
+    kind!(rate, u16, PerMillePerSecond, |of| *of as i32, |v| within(v, U16) as u16);
+    kind!(share, u16, PerMille, |of| *of as i32, |v| within(v, U16) as u16);
+    kind!(gain, u16, Gain, |of| *of as i32, |v| within(v, U16) as u16);
+    kind!(percent, u8, Percent, |of| *of as i32, |v| within(v, U8) as u8);
+    kind!(celsius, Celsius, TenthsCelsius, |of| of.tenths() as i32, |v| Celsius::from_tenths(
+        within(v, I16) as i16
+    ));
+    kind!(celsius_rate, u16, CelsiusPerSecond, |of| *of as i32, |v| within(v, U16) as u16);
+    kind!(rpm, Rpm, Rpm, |of| clamp(of.get() as u64), |v| Rpm::new(within(v, U31) as u32));
+    kind!(rpm_rate, u32, RpmPerSecond, |of| clamp(*of as u64), |v| within(v, U31) as u32);
+    kind!(millivolts, Millivolts, Millivolts, |of| clamp(of.get() as u64), |v| Millivolts::new(
+        within(v, U31) as u32
+    ));
+    kind!(frames, u8, Frames, |of| *of as i32, |v| within(v, U8) as u8);
+    kind!(raw, u8, Raw, |of| *of as i32, |v| within(v, U8) as u8);
+    kind!(pulse, u16, Microseconds, |of| *of as i32, |v| within(v, U16) as u16);
+    kind!(number, u8, Number, |of| *of as i32, |v| within(v, U8) as u8);
     kind!(yes_no, bool, YesNo, |of| *of as i32, |v| v != 0);
     kind!(action, crate::limit::Action, Action, |of| *of as i32, |v| match v {
         1 => crate::limit::Action::FailSafe,

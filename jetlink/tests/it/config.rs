@@ -469,6 +469,31 @@ fn names_of_settings_are_unique_and_fit_a_parameter() {
     }
 }
 
+/// −0.1 °C has the number of "off", and is no limit.
+#[test]
+fn a_value_with_the_number_of_off_is_out_of_range() {
+    for (tenths, good) in [(-1, false), (0, true), (8000, true)] {
+        let mut rules = Supervision::DEFAULT;
+        rules.limits.over_temperature.at = Some(Celsius::from_tenths(tenths));
+        assert_eq!(rules.validate().is_ok(), good, "{tenths}");
+    }
+}
+
+/// A change without a look at the range overflows nothing: it is the closest value that the type holds.
+#[test]
+fn an_unchecked_change_takes_the_closest_value() {
+    for (name, number, closest) in [
+        ("LOSS_HOLD", -5, 0),
+        ("LOSS_RAMP", 70_000, 65_535),
+        ("LOSS_THR", 2000, 1000),
+        ("START_EGT", -40_000, -32_768),
+    ] {
+        let mut config = Ecu::Zk.config();
+        assert!(config.change(name, number));
+        assert_eq!(config.number(name), Some(closest), "{name}");
+    }
+}
+
 /// Each setting changes by its name, to both ends of its range and to off, and to nothing outside.
 #[test]
 fn settings_change_within_their_range() {
