@@ -6,7 +6,7 @@ use crate::event::LossStage;
 use crate::indication::Indication;
 use crate::report::{Counters, LinkState, REPORT_MAX_AGE, Report, Timed};
 use crate::units::Millivolts;
-use embassy_time::{Duration, Instant};
+use embassy_time::Instant;
 
 /// Shaft speed below which an engine counts as at rest.
 const REST_RPM: u32 = 1000;
