@@ -225,7 +225,8 @@ impl LimitMonitor {
         }
         let reported_idle = report.idle_rpm.map(|idle| idle.value.get() / 100 * 80);
         if let Some(limit) = self.limits.low_rpm.at.map(Rpm::get).or(reported_idle) {
-            let low = phase == Some(Phase::Running) && value < limit;
+            // `lowered` is `now` while no run is in force: after standby the ECU may still report a running engine.
+            let low = phase == Some(Phase::Running) && lowered < now && value < limit;
             let violation = LimitViolation::new(LimitKind::LowRpm, value, limit, now);
             self.low_rpm.observe(low, violation, self.limits.low_rpm.action, found);
         }

@@ -14,6 +14,28 @@ use crate::support::scenario::{
 };
 use bench::by_hand::at_us;
 
+/// A shaft that runs down after standby is not too slow, although the ECU reports a running engine a little longer; with the run in
+/// force it is, the control.
+#[test]
+fn a_shaft_that_runs_down_after_standby_is_not_too_slow() {
+    for ecu in BOTH {
+        for (shut_down, expected) in [(true, vec![]), (false, vec![LimitKind::LowRpm])] {
+            let mut scenario = running(ecu, |limits| limits.low_rpm = Limit::report(Rpm::new(11_000)));
+            if shut_down {
+                scenario.shut_down().unwrap();
+                assert_eq!(scenario.order(), Order::Standby);
+            }
+            scenario.values.rpm = Some(10_000);
+            if shut_down {
+                scenario.pass_us(5 * FRAME_PERIOD_US);
+            } else {
+                scenario.fly_us(run(50), Origin::Rc, 5 * FRAME_PERIOD_US);
+            }
+            assert_eq!(scenario.limits(), expected, "{ecu:?}");
+        }
+    }
+}
+
 /// A scenario with an engine that runs at 50 % with these limits.
 fn running(ecu: Ecu, change: impl FnOnce(&mut Limits)) -> Scenario {
     let config = ecu.with(|s| change(&mut s.limits));
