@@ -60,23 +60,6 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         self.answer(now, port, from, place, command, answer);
     }
 
-    /// Whether a system may do this by this port. Where the settings are lost, nobody knows who may: anybody may stop, and only a person
-    /// at the board may do more.
-    pub(super) fn check(&self, port: usize, system: u8, kind: Kind) -> Result<(), Refusal> {
-        #[cfg(feature = "signing")]
-        if kind == Kind::Acts
-            && let Some(why) = self.cover.refusing
-        {
-            return Err(why);
-        }
-        match kind {
-            Kind::Stops if self.is_damaged() => Ok(()),
-            Kind::Acts if self.is_damaged() && !self.is_usb(port) => Err(Refusal::Damaged),
-            _ if self.may_command(system) => Ok(()),
-            _ => Err(Refusal::NotAllowed(system)),
-        }
-    }
-
     fn answer(&mut self, now: Instant, port: usize, to: Address, place: Place, command: u16, answer: Answer) {
         let (result, why) = match answer {
             Ok(ack) => (ack, None),

@@ -3,7 +3,9 @@
 use super::parameters::Name;
 use super::{Keeping, Pending, Place, Service};
 use crate::attached::Attached;
+use crate::frame::Address;
 use crate::ids::Severity;
+use crate::kind::Kind;
 use crate::record::{self, Record};
 use crate::refusal::Refusal;
 use crate::settings::{LEARNT, Table, find_row};
@@ -35,16 +37,6 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         self.set_damaged(true);
         self.are_retained = true;
         self.attached.set_damaged(false);
-    }
-
-    /// Whether the settings are lost, and nobody has confirmed the present ones.
-    pub const fn is_damaged(&self) -> bool {
-        self.damaged != 0 && !self.are_retained
-    }
-
-    /// Whether a person has to confirm the present settings: what is stored is damaged.
-    pub const fn has_to_be_confirmed(&self) -> bool {
-        self.damaged != 0
     }
 
     /// Says on every port that they are, from time to time. Call it with each heartbeat.
@@ -227,7 +219,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     }
 
     /// Answers a setting.
-    pub(super) fn settled(
+    fn settled(
         &mut self,
         now: Instant,
         port: usize,
@@ -304,31 +296,71 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         self.pending.is_empty()
     }
 
-    pub(super) fn row(&self, place: Place, index: usize) -> Option<&'static Row> {
-        let mut before = index;
-        self.find_row(place, &mut |_| {
-            let is_it = before == 0;
-            before = before.saturating_sub(1);
-            is_it
-        })
+    pub(super) fn set_parameter(
+        &mut self,
+        now: Instant,
+        port: usize,
+        from: Address,
+        target: Address,
+        name: &[u8],
+        value: f32,
+    ) {
+        let Some(place) = self.addressed(now, port, target) else { return };
+        let name = Name::of(name);
+        let Some((index, row)) = self.position(place, name) else {
+            let why = Refusal::UnknownSetting;
+            self.say(now, place, Severity::Warning, Some(port), format_args!("{name} not set: {why}"));
+            return;
+        };
+        let old = self.value(place, row.name).unwrap_or_default();
+        let result = match self.check(port, from.system, Kind::Acts) {
+            Ok(()) if self.pending.is_full() => Err(Refusal::StoreBusy),
+            Ok(()) => self.set(place, row, value),
+            Err(why) => Err(why),
+        };
+        self.keep(now, port, place, index, old, result);
     }
 
-    /// The first parameter of a component that is the one.
-    pub(super) fn find_row(
-        &self,
+    /// Begins a calibration of an engine's stick, or ends it. Its end points are settings, and are stored and answered as such.
+    pub(super) fn calibrate_stick(
+        &mut self,
+        now: Instant,
+        port: usize,
+        engine: usize,
+        begin: bool,
+    ) -> Result<(), Refusal> {
+        if begin {
+            return self.attached.calibrate(engine, true);
+        }
+        let names = self.attached.calibrated();
+        if self.pending.capacity() - self.pending.len() < names.len() {
+            return Err(Refusal::StoreBusy);
+        }
+        let old = names.map(|name| self.attached.number(engine, name).unwrap_or_default());
+        self.attached.calibrate(engine, false)?;
+        let place = Place::Engine(engine);
+        for (name, old) in names.into_iter().zip(old) {
+            let Some((index, _)) = self.position(place, Name::of(name.as_bytes())) else { continue };
+            self.keep(now, port, place, index, old, Ok(()));
+        }
+        Ok(())
+    }
+
+    /// Has a setting stored that was changed, and answers it then; at once where it was refused, or none is stored.
+    fn keep(
+        &mut self,
+        now: Instant,
+        port: usize,
         place: Place,
-        is_it: &mut dyn FnMut(&'static Row) -> bool,
-    ) -> Option<&'static Row> {
-        match place {
-            Place::Node => find_row(Table::Node, is_it),
-            Place::Engine(engine) => {
-                let found = find_row(Table::Engine(&self.engines.get(engine)?.config), is_it);
-                let rows = self.attached.rows();
-                match found {
-                    None if !rows.is_empty() => find_row(Table::Attached(rows), is_it),
-                    found => found,
-                }
-            }
+        index: usize,
+        old: i32,
+        result: Result<(), Refusal>,
+    ) {
+        if result.is_ok() && self.keeping == Keeping::Stored {
+            // There is space. It is answered when it is stored.
+            let _ = self.pending.push_back(Pending { port, place, index, old });
+        } else {
+            self.settled(now, port, place, index, result);
         }
     }
 }

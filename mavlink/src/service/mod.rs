@@ -1,10 +1,14 @@
 //! The service: bytes of each port and the time in, frames out. It does no IO and reads no clock.
+//!
+//! Its methods call one way, a file only those behind it: `poll.rs`; `incoming.rs`; `commands.rs` and `signing.rs`; `outgoing.rs` and
+//! `keeping.rs`; `parameters.rs`; this one.
 
 mod commands;
 mod incoming;
 mod keeping;
 mod outgoing;
 pub mod parameters;
+mod poll;
 #[cfg(feature = "signing")]
 mod signing;
 
@@ -15,6 +19,7 @@ pub use crate::engine::EngineParts;
 use crate::engine::{Engine, Situation};
 use crate::frame::Address;
 use crate::ids::Severity;
+use crate::kind::Kind;
 use crate::port::{Class, Port, PortConfig, PortCounters};
 use crate::refusal::Refusal;
 use crate::report::Fleet;
@@ -31,8 +36,6 @@ use heapless::{Deque, Vec};
 use jetlink::command::Command;
 use jetlink::config::EngineConfig;
 
-/// Time between two looks at the engines.
-const TICK: Duration = Duration::from_millis(50);
 /// Time in which an autopilot is received, if there is one.
 const LISTEN: Duration = Duration::from_secs(3);
 /// Parameters that may wait to be stored.
@@ -222,25 +225,6 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         }
     }
 
-    /// Takes bytes of a port, counted from 0. Commands are carried out at once; call [`Service::poll`] and
-    /// [`Service::transmit`] afterwards.
-    pub fn receive(&mut self, now: Instant, port: usize, mut bytes: &[u8]) {
-        loop {
-            let open = self.ports.get_mut(port).filter(|port| port.is_open());
-            let Some(decoder) = open.map(|port| &mut port.decoder) else { return };
-            let (taken, frame) = decoder.receive(self.signing.key(), bytes);
-            bytes = bytes.get(taken..).unwrap_or_default();
-            match frame {
-                Some(frame) => {
-                    self.handle(now, port, frame, false);
-                    #[cfg(feature = "signing")]
-                    self.cover.carried_out();
-                }
-                None => return,
-            }
-        }
-    }
-
     /// Opens a port for somebody who knows nothing of what was before, or closes it: until it is opened again nothing is sent or obeyed
     /// there. Ports are open at first.
     pub fn set_open(&mut self, now: Instant, port: usize, is_open: bool) {
@@ -253,21 +237,6 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         for engine in &mut self.engines {
             engine.progress = engine.progress.filter(|&(waits, _)| usize::from(waits) != port);
         }
-    }
-
-    /// Does what is due, and returns when to call it again.
-    pub fn poll(&mut self, now: Instant) -> Instant {
-        if now >= self.next_tick {
-            self.next_tick = now + TICK;
-            self.tick(now);
-        }
-        #[cfg(feature = "signing")]
-        while let Some((port, frame)) = self.take_waiting(now) {
-            self.handle(now, port, frame, true);
-            self.cover.carried_out();
-        }
-        let lists = self.send_lists(now);
-        lists.into_iter().chain([self.next_tick]).min().unwrap_or(self.next_tick)
     }
 
     /// Takes bytes to be sent on a port; 0: there are none.
@@ -327,6 +296,16 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         self.vehicle.id()
     }
 
+    /// Whether the settings are lost, and nobody has confirmed the present ones.
+    pub const fn is_damaged(&self) -> bool {
+        self.damaged != 0 && !self.are_retained
+    }
+
+    /// Whether a person has to confirm the present settings: what is stored is damaged.
+    pub const fn has_to_be_confirmed(&self) -> bool {
+        self.damaged != 0
+    }
+
     /// The system id on a port. While an autopilot is received that has not been learnt, and on the autopilot's port, there is
     /// none; elsewhere it is 1 until one is known.
     fn system(&self, now: Instant, port: usize) -> Option<u8> {
@@ -361,6 +340,23 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             && (system == settings.ground_1
                 || system == settings.ground_2
                 || settings.own_vehicle && self.vehicle.id() == Some(system))
+    }
+
+    /// Whether a system may do this by this port. Where the settings are lost, nobody knows who may: anybody may stop, and only a person
+    /// at the board may do more.
+    fn check(&self, port: usize, system: u8, kind: Kind) -> Result<(), Refusal> {
+        #[cfg(feature = "signing")]
+        if kind == Kind::Acts
+            && let Some(why) = self.cover.refusing
+        {
+            return Err(why);
+        }
+        match kind {
+            Kind::Stops if self.is_damaged() => Ok(()),
+            Kind::Acts if self.is_damaged() && !self.is_usb(port) => Err(Refusal::Damaged),
+            _ if self.may_command(system) => Ok(()),
+            _ => Err(Refusal::NotAllowed(system)),
+        }
     }
 
     fn situation<'b>(now: Instant, vehicle: &'b Vehicle, received: &'b [(u8, Instant)]) -> Situation<'b> {

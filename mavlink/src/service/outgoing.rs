@@ -16,7 +16,6 @@ use embassy_sync::pubsub::WaitResult;
 use embassy_time::{Duration, Instant};
 use mavlink_core::types::CharArray;
 
-const HEARTBEAT_EVERY: Duration = Duration::from_secs(1);
 /// Bytes of a heartbeat that is not signed.
 const HEARTBEAT_BYTES: usize = 21;
 /// On a port that carries everything.
@@ -27,44 +26,7 @@ const RELAYS_EVERY: Duration = Duration::from_secs(1);
 const ALL: u8 = 255;
 
 impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
-    pub(super) fn tick(&mut self, now: Instant) {
-        for port in 0..self.ports.len() {
-            self.ports.get_mut(port).into_iter().for_each(|port| port.decoder.look_after());
-            self.receive(now, port, &[]);
-        }
-        for place in 0..self.engines.len() {
-            let Some(engine) = self.engines.get_mut(place) else { continue };
-            if let Some(why) = engine.update(Self::situation(now, &self.vehicle, &self.received)) {
-                self.say_not_started(now, place, why);
-            }
-            self.report_events(now, place);
-            self.report_progress(now, place, now >= self.next_heartbeat);
-        }
-        #[cfg(feature = "signing")]
-        self.cover_from_time_to_time(now);
-        self.report_lost_texts(now);
-        self.report_attached(now);
-        if now >= self.next_heartbeat {
-            self.next_heartbeat = now + HEARTBEAT_EVERY;
-            self.report_damage(now);
-            self.send_signing(now);
-            for port in 0..self.ports.len() {
-                self.send_heartbeat(now, port, Place::Node);
-                (0..self.engines.len())
-                    .for_each(|engine| self.send_heartbeat(now, port, Place::Engine(engine)));
-            }
-        }
-        self.request_rate(now);
-        for port in 0..self.ports.len() {
-            for offset in 0..self.engines.len() {
-                let engine = (self.first + offset) % self.engines.len().max(1);
-                self.send_telemetry(now, port, engine);
-            }
-        }
-        self.first = (self.first + 1) % self.engines.len().max(1);
-    }
-
-    fn report_events(&mut self, now: Instant, place: usize) {
+    pub(super) fn report_events(&mut self, now: Instant, place: usize) {
         loop {
             let event =
                 self.engines.get_mut(place).and_then(|engine| engine.events.as_mut()?.try_next_message());
@@ -84,7 +46,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     }
 
     /// Outputs that changed, and the streams of what is attached.
-    fn report_attached(&mut self, now: Instant) {
+    pub(super) fn report_attached(&mut self, now: Instant) {
         let mut changed = false;
         while let Some(change) = self.attached.next_change() {
             changed = true;
@@ -139,7 +101,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         now.saturating_duration_since(self.started).as_millis() as u32
     }
 
-    fn report_lost_texts(&mut self, now: Instant) {
+    pub(super) fn report_lost_texts(&mut self, now: Instant) {
         if let Some(lost) = self.node_texts.take_lost(now) {
             self.say(now, Place::Node, Severity::Notice, None, format_args!("{lost} texts were lost"));
         }
@@ -173,7 +135,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     }
 
     /// Sends what was ignored for its signature: one counter a second, those above 0 in turn.
-    fn send_signing(&mut self, now: Instant) {
+    pub(super) fn send_signing(&mut self, now: Instant) {
         if !cfg!(feature = "signing") {
             return;
         }
@@ -185,6 +147,16 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         for port in 0..self.ports.len() {
             self.send_value(now, port, Place::Node, Class::Telemetry, name, count as f32);
         }
+    }
+
+    pub(super) fn send_all_telemetry(&mut self, now: Instant) {
+        for port in 0..self.ports.len() {
+            for offset in 0..self.engines.len() {
+                let engine = (self.first + offset) % self.engines.len().max(1);
+                self.send_telemetry(now, port, engine);
+            }
+        }
+        self.first = (self.first + 1) % self.engines.len().max(1);
     }
 
     fn send_telemetry(&mut self, now: Instant, port: usize, engine: usize) {
@@ -243,7 +215,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     }
 
     /// Requests the autopilot's outputs, where an engine follows them.
-    fn request_rate(&mut self, now: Instant) {
+    pub(super) fn request_rate(&mut self, now: Instant) {
         let follows = self.engines.iter().any(|it| it.settings.demand_source() == DemandSource::ServoOutput);
         let (true, Some(port), Some(system)) = (follows, self.autopilot_port, self.vehicle.id()) else {
             return;

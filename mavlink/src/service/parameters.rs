@@ -1,17 +1,16 @@
 //! Parameters: the settings of the node in its component, those of an engine in the engine's. All are `REAL32`, and count and
-//! order are fixed. They are served from RAM; `keeping.rs` has what is stored.
+//! order are fixed. They are served from RAM; `keeping.rs` sets and stores them.
 
-use super::{Keeping, Pending, Place, Service};
+use super::{Place, Service};
 use crate::attached::Attached;
 use crate::dialect::PARAM_VALUE_DATA;
 use crate::engine::Engine;
 use crate::frame::Address;
-use crate::ids::{PARAM_REAL32, Severity};
-use crate::kind::Kind;
+use crate::ids::PARAM_REAL32;
 use crate::number::whole;
 use crate::port::{Class, List};
 use crate::refusal::Refusal;
-use crate::settings::{EngineSettings, NodeSettings};
+use crate::settings::{EngineSettings, NodeSettings, Table, find_row};
 use embassy_time::{Duration, Instant};
 use jetlink::config::{EngineConfig, LinkSettings};
 use jetlink::setting::{Effect, Row, Setting};
@@ -33,6 +32,34 @@ pub fn engine_parameters(config: &EngineConfig) -> impl Iterator<Item = &'static
 }
 
 impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
+    pub(super) fn row(&self, place: Place, index: usize) -> Option<&'static Row> {
+        let mut before = index;
+        self.find_row(place, &mut |_| {
+            let is_it = before == 0;
+            before = before.saturating_sub(1);
+            is_it
+        })
+    }
+
+    /// The first parameter of a component that is the one.
+    pub(super) fn find_row(
+        &self,
+        place: Place,
+        is_it: &mut dyn FnMut(&'static Row) -> bool,
+    ) -> Option<&'static Row> {
+        match place {
+            Place::Node => find_row(Table::Node, is_it),
+            Place::Engine(engine) => {
+                let found = find_row(Table::Engine(&self.engines.get(engine)?.config), is_it);
+                let rows = self.attached.rows();
+                match found {
+                    None if !rows.is_empty() => find_row(Table::Attached(rows), is_it),
+                    found => found,
+                }
+            }
+        }
+    }
+
     fn count(&self, place: Place) -> usize {
         let mut count = 0;
         self.find_row(place, &mut |_| {
@@ -52,7 +79,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         found.map(|row| (before, row))
     }
 
-    fn value(&self, place: Place, name: &str) -> Option<i32> {
+    pub(super) fn value(&self, place: Place, name: &str) -> Option<i32> {
         match place {
             Place::Node => self.settings.number(name),
             Place::Engine(engine) => {
@@ -140,75 +167,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         }
     }
 
-    pub(super) fn set_parameter(
-        &mut self,
-        now: Instant,
-        port: usize,
-        from: Address,
-        target: Address,
-        name: &[u8],
-        value: f32,
-    ) {
-        let Some(place) = self.addressed(now, port, target) else { return };
-        let name = Name::of(name);
-        let Some((index, row)) = self.position(place, name) else {
-            let why = Refusal::UnknownSetting;
-            self.say(now, place, Severity::Warning, Some(port), format_args!("{name} not set: {why}"));
-            return;
-        };
-        let old = self.value(place, row.name).unwrap_or_default();
-        let result = match self.check(port, from.system, Kind::Acts) {
-            Ok(()) if self.pending.is_full() => Err(Refusal::StoreBusy),
-            Ok(()) => self.set(place, row, value),
-            Err(why) => Err(why),
-        };
-        self.keep(now, port, place, index, old, result);
-    }
-
-    /// Begins a calibration of an engine's stick, or ends it. Its end points are settings, and are stored and answered as such.
-    pub(super) fn calibrate_stick(
-        &mut self,
-        now: Instant,
-        port: usize,
-        engine: usize,
-        begin: bool,
-    ) -> Result<(), Refusal> {
-        if begin {
-            return self.attached.calibrate(engine, true);
-        }
-        let names = self.attached.calibrated();
-        if self.pending.capacity() - self.pending.len() < names.len() {
-            return Err(Refusal::StoreBusy);
-        }
-        let old = names.map(|name| self.attached.number(engine, name).unwrap_or_default());
-        self.attached.calibrate(engine, false)?;
-        let place = Place::Engine(engine);
-        for (name, old) in names.into_iter().zip(old) {
-            let Some((index, _)) = self.position(place, Name::of(name.as_bytes())) else { continue };
-            self.keep(now, port, place, index, old, Ok(()));
-        }
-        Ok(())
-    }
-
-    /// Has a setting stored that was changed, and answers it then; at once where it was refused, or none is stored.
-    fn keep(
-        &mut self,
-        now: Instant,
-        port: usize,
-        place: Place,
-        index: usize,
-        old: i32,
-        result: Result<(), Refusal>,
-    ) {
-        if result.is_ok() && self.keeping == Keeping::Stored {
-            // There is space. It is answered when it is stored.
-            let _ = self.pending.push_back(Pending { port, place, index, old });
-        } else {
-            self.settled(now, port, place, index, result);
-        }
-    }
-
-    fn set(&mut self, place: Place, row: &'static Row, value: f32) -> Result<(), Refusal> {
+    pub(super) fn set(&mut self, place: Place, row: &'static Row, value: f32) -> Result<(), Refusal> {
         let name = row.name;
         let number = whole(value).ok_or(Refusal::NotWhole)?;
         if !row.allows(number) {
