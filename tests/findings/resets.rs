@@ -16,12 +16,12 @@ use sim::wire::Direction;
 // Finding 4
 // -----------------------------------------------------------------------------------------------
 
-/// Resets at this interval for this time, both in s.
-fn reset_loop(world: &mut World, period: f64, time: f64) {
-    let end = world.now() + (time * 1e9) as u64;
+/// Resets at this interval for this time.
+fn reset_loop(world: &mut World, period_seconds: f64, seconds: f64) {
+    let end = world.now() + (seconds * 1e9) as u64;
     while world.now() < end {
         world.reset();
-        world.pass(period - START_UP);
+        world.pass(period_seconds - START_UP);
     }
 }
 
@@ -34,13 +34,13 @@ fn assert_not_above_idle(world: &World, since: u64) {
     assert!(world.rpm() < 1.05 * idle, "{} rpm", world.rpm());
 }
 
-fn dead_source_in_a_reset_loop(engine: impl Fn() -> World, period: f64) {
+fn dead_source_in_a_reset_loop(engine: impl Fn() -> World, period_seconds: f64) {
     let mut world = engine();
     world.fly(Rc, 90);
     world.silent(Rc);
-    reset_loop(&mut world, period, 25.0);
+    reset_loop(&mut world, period_seconds, 25.0);
     let from = world.now();
-    reset_loop(&mut world, period, 30.0);
+    reset_loop(&mut world, period_seconds, 30.0);
     assert_not_above_idle(&world, from);
 }
 

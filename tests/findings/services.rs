@@ -157,10 +157,10 @@ fn pump_open() -> World {
 }
 
 #[track_caller]
-fn assert_closed(world: &mut World, within: f64) {
-    world.pass(within);
+fn assert_closed(world: &mut World, within_seconds: f64) {
+    world.pass(within_seconds);
     let flow = flow(world);
-    assert!(flow == 0.0, "{flow} ml/min after {within} s");
+    assert!(flow == 0.0, "{flow} ml/min after {within_seconds} s");
 }
 
 #[test]

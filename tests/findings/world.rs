@@ -250,9 +250,9 @@ impl<const N: usize> World<N> {
     // Time
     // ---------------------------------------------------------------------------------------
 
-    /// Lets this number of seconds pass.
-    pub fn pass(&mut self, time: f64) {
-        let end = clock::now_ns() + (time * 1e9) as Nanos;
+    /// Lets time pass.
+    pub fn pass(&mut self, seconds: f64) {
+        let end = clock::now_ns() + (seconds * 1e9) as Nanos;
         loop {
             let now = clock::now_ns();
             for n in 0..self.pilots.len() {
@@ -283,11 +283,12 @@ impl<const N: usize> World<N> {
         }
     }
 
-    /// Time passes until this is so; it must be within this number of seconds.
-    pub fn until(&mut self, what: &str, within: f64, mut done: impl FnMut(&Self) -> bool) {
+    /// Time passes until this is so; it must be soon enough.
+    pub fn until(&mut self, what: &str, within_seconds: f64, mut done: impl FnMut(&Self) -> bool) {
         let from = self.now();
         while !done(self) {
-            assert!(seconds(self.now() - from) < within, "{what}: not within {within} s");
+            let passed = seconds(self.now() - from);
+            assert!(passed < within_seconds, "{what}: not within {within_seconds} s");
             self.pass(0.01);
         }
     }
@@ -339,9 +340,9 @@ impl<const N: usize> World<N> {
     }
 
     /// Takes the supply of the first ECU away for this long.
-    pub fn dip(&mut self, time: f64) {
+    pub fn dip(&mut self, seconds: f64) {
         self.plugs[0].power(false);
-        self.pass(time);
+        self.pass(seconds);
         self.plugs[0].power(true);
     }
 

@@ -69,20 +69,20 @@ impl Seen {
         self
     }
 
-    /// The frames that began in this time, in ms.
-    fn frames(&self, engine: usize, from: u64, to: u64) -> impl Iterator<Item = &Frame> {
+    /// The frames that began in this time.
+    fn frames(&self, engine: usize, from_ms: u64, to_ms: u64) -> impl Iterator<Item = &Frame> {
         let all = &self.0.engines[engine].history.frames;
-        all.iter().filter(move |frame| (from * MS..to * MS).contains(&frame.at))
+        all.iter().filter(move |frame| (from_ms * MS..to_ms * MS).contains(&frame.at))
     }
 
     /// In this time only such frames went out, and at least this number.
     #[track_caller]
-    fn only(&self, from: u64, to: u64, least: usize, allowed: impl Fn(Sent) -> bool) -> &Self {
-        if let Some(frame) = self.frames(0, from, to).find(|frame| !allowed(frame.sent)) {
+    fn only(&self, from_ms: u64, to_ms: u64, least: usize, allowed: impl Fn(Sent) -> bool) -> &Self {
+        if let Some(frame) = self.frames(0, from_ms, to_ms).find(|frame| !allowed(frame.sent)) {
             panic!("{} at {} ms\n{}", frame.sent, frame.at / MS, self.0.report(true));
         }
-        let count = self.frames(0, from, to).count();
-        assert!(count >= least, "{count} frames from {from} ms to {to} ms\n{}", self.0.report(true));
+        let count = self.frames(0, from_ms, to_ms).count();
+        assert!(count >= least, "{count} frames from {from_ms} ms to {to_ms} ms\n{}", self.0.report(true));
         self
     }
 

@@ -373,8 +373,8 @@ fn end(fault: Fault, plug: &Plug<AnyEcu>) {
     }
 }
 
-pub fn write_down(history: &mut History, fault: Fault, from: u64, to: u64) {
-    let add = |spans: &mut Spans| spans.push(from, to);
+pub fn write_down(history: &mut History, fault: Fault, from_us: u64, to_us: u64) {
+    let add = |spans: &mut Spans| spans.push(from_us, to_us);
     match fault {
         Fault::PowerOff => add(&mut history.unpowered),
         Fault::CutToNode => add(&mut history.mute),
@@ -385,12 +385,12 @@ pub fn write_down(history: &mut History, fault: Fault, from: u64, to: u64) {
         }
         Fault::Stall => {
             // A reset of the chip frees the transmitter.
-            let freed = history.resets.iter().map(|reset| reset.up).find(|up| (from..to).contains(up));
+            let freed = history.resets.iter().map(|reset| reset.up).find(|up| (from_us..to_us).contains(up));
             match freed {
-                Some(up) => history.deaf.push(from, up),
+                Some(up) => history.deaf.push(from_us, up),
                 None => {
-                    history.deaf.push(from, to);
-                    history.stalls.push(to);
+                    history.deaf.push(from_us, to_us);
+                    history.stalls.push(to_us);
                 }
             }
         }
@@ -414,7 +414,7 @@ pub fn write_down(history: &mut History, fault: Fault, from: u64, to: u64) {
         Fault::Framing(_) => add(&mut history.noise),
         Fault::OneWrongFrame | Fault::OneFrameAtRest => {
             add(&mut history.noise);
-            history.forged.push(from);
+            history.forged.push(from_us);
         }
         Fault::Sensor(_) => add(&mut history.sensor),
         Fault::PwmSignal(true) => add(&mut history.pwm_signal),

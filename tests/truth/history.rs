@@ -461,13 +461,13 @@ impl Spans {
     }
 
     /// Adds one that does not begin before the last.
-    pub fn push(&mut self, from: u64, to: u64) {
-        if to <= from {
+    pub fn push(&mut self, from_us: u64, to_us: u64) {
+        if to_us <= from_us {
             return;
         }
         match self.0.last_mut() {
-            Some(last) if from <= last.1 => last.1 = last.1.max(to),
-            _ => self.0.push((from, to)),
+            Some(last) if from_us <= last.1 => last.1 = last.1.max(to_us),
+            _ => self.0.push((from_us, to_us)),
         }
     }
 
@@ -481,8 +481,8 @@ impl Spans {
     }
 
     /// Only those of at least this length.
-    pub fn at_least(&self, length: u64) -> Self {
-        Self(self.0.iter().copied().filter(|(from, to)| to - from >= length).collect())
+    pub fn at_least(&self, length_us: u64) -> Self {
+        Self(self.0.iter().copied().filter(|(from, to)| to - from >= length_us).collect())
     }
 
     pub fn contains(&self, at: u64) -> bool {
@@ -490,17 +490,17 @@ impl Spans {
         next > 0 && at < self.0[next - 1].1
     }
 
-    pub fn touches(&self, from: u64, to: u64) -> bool {
-        self.within(from, to) > 0
+    pub fn touches(&self, from_us: u64, to_us: u64) -> bool {
+        self.within(from_us, to_us) > 0
     }
 
     /// How much of them lies in this time.
-    pub fn within(&self, from: u64, to: u64) -> u64 {
-        let first = self.0.partition_point(|&(_, end)| end <= from);
+    pub fn within(&self, from_us: u64, to_us: u64) -> u64 {
+        let first = self.0.partition_point(|&(_, end)| end <= from_us);
         self.0[first..]
             .iter()
-            .take_while(|(start, _)| *start < to)
-            .map(|&(a, b)| b.min(to).saturating_sub(a.max(from)))
+            .take_while(|(start, _)| *start < to_us)
+            .map(|&(a, b)| b.min(to_us).saturating_sub(a.max(from_us)))
             .sum()
     }
 
@@ -639,16 +639,16 @@ impl History {
     }
 
     /// The samples of a time.
-    pub fn samples(&self, from: u64, to: u64) -> &[Sample] {
-        let first = self.samples.partition_point(|sample| sample.at < from);
-        let last = self.samples.partition_point(|sample| sample.at <= to).max(first);
+    pub fn samples(&self, from_us: u64, to_us: u64) -> &[Sample] {
+        let first = self.samples.partition_point(|sample| sample.at < from_us);
+        let last = self.samples.partition_point(|sample| sample.at <= to_us).max(first);
         &self.samples[first..last]
     }
 
     /// The frames of a time.
-    pub fn frames_within(&self, from: u64, to: u64) -> &[Frame] {
-        let first = self.frames.partition_point(|frame| frame.at < from);
-        let last = self.frames.partition_point(|frame| frame.at < to).max(first);
+    pub fn frames_within(&self, from_us: u64, to_us: u64) -> &[Frame] {
+        let first = self.frames.partition_point(|frame| frame.at < from_us);
+        let last = self.frames.partition_point(|frame| frame.at < to_us).max(first);
         &self.frames[first..last]
     }
 
@@ -679,9 +679,9 @@ impl History {
     }
 
     /// What was commanded in a time, its end included.
-    pub fn commanded(&self, from: u64, to: u64) -> &[Commanded] {
-        let first = self.commanded.partition_point(|commanded| commanded.at < from);
-        let last = self.commanded.partition_point(|commanded| commanded.at <= to).max(first);
+    pub fn commanded(&self, from_us: u64, to_us: u64) -> &[Commanded] {
+        let first = self.commanded.partition_point(|commanded| commanded.at < from_us);
+        let last = self.commanded.partition_point(|commanded| commanded.at <= to_us).max(first);
         &self.commanded[first..last]
     }
 

@@ -74,11 +74,11 @@ impl Director {
     }
 
     /// A cut for no longer than the ECU puts up with.
-    fn outlived(&self, length: u64) -> u64 {
+    fn outlived(&self, length_us: u64) -> u64 {
         if self.rules.kind.continues_without_commands() {
-            length
+            length_us
         } else {
-            length.min(self.rules.gives_up_after * 85 / 100)
+            length_us.min(self.rules.gives_up_after * 85 / 100)
         }
     }
 

@@ -1,7 +1,7 @@
 //! What the rules share: their names, what they found, and what each derives from a history.
 
 use super::control::CommandLog;
-use crate::history::{History, Kind, MS, Mark, SECOND, Spans};
+use crate::history::{Demanded, History, Kind, MS, Mark, SECOND, Spans};
 use std::collections::BTreeMap;
 
 /// What must hold.
@@ -124,8 +124,8 @@ impl Verdict {
         *self.seen.entry(what).or_default() += by;
     }
 
-    pub fn exempt(&mut self, name: &'static str, time: u64) {
-        *self.exempt.entry(name).or_default() += time;
+    pub fn exempt(&mut self, name: &'static str, time_us: u64) {
+        *self.exempt.entry(name).or_default() += time_us;
     }
 
     /// The rules that were broken, each once.
@@ -215,6 +215,19 @@ impl<'a> Case<'a> {
         all.extend(self.blind.at_least(self.gap()).iter().map(|(_, to)| to));
         all.sort_unstable();
         all
+    }
+
+    pub fn is_idle(&self, demanded: Demanded) -> bool {
+        match demanded {
+            Demanded::Throttle(tenths) => tenths <= self.h.rules.idle_band,
+            Demanded::Rpm(rpm) => f64::from(rpm) <= self.h.rules.idle_rpm,
+        }
+    }
+
+    /// The times in which nothing leaves the node, because its transmitter hangs.
+    pub fn stalled(&self) -> Spans {
+        let stalled = self.h.deaf.iter().filter(|(_, to)| self.h.stalls.contains(to));
+        Spans::from(&stalled.collect::<Vec<_>>())
     }
 }
 

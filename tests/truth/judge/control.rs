@@ -143,8 +143,8 @@ impl CommandLog {
     }
 
     /// Whether it was armed at any time in between.
-    pub fn armed_within(&self, from: u64, to: u64) -> bool {
-        self.armed(from) || self.armed.iter().any(|(at, armed)| *armed && (from..=to).contains(at))
+    pub fn armed_within(&self, from_us: u64, to_us: u64) -> bool {
+        self.armed(from_us) || self.armed.iter().any(|(at, armed)| *armed && (from_us..=to_us).contains(at))
     }
 }
 

@@ -22,9 +22,9 @@ impl Case<'_> {
             Kind::Amt => 0,
             Kind::Zk(_) => ((h.rounds().0 - 1) * h.rules.period).saturating_sub(20 * MS),
         };
-        let given_up = |from: u64, to: u64| {
+        let given_up = |from_us: u64, to_us: u64| {
             let waits = h.rules.serial_delay + 3 * h.rules.period + 300 * MS;
-            let noticed = to - from - self.down.within(from, to);
+            let noticed = to_us - from_us - self.down.within(from_us, to_us);
             // The order is gone: two sets have to agree before the next reply.
             if self.is_amt() && noticed > waits { h.rules.period - 20 * MS } else { 0 }
         };

@@ -104,8 +104,8 @@ impl Case<'_> {
     }
 
     /// When the tenth of the frames that close the pump from an end on was sent, if none of them came to the ECU.
-    fn lost_closing(&self, from: u64, to: u64) -> Option<u64> {
-        let closing = self.h.frames_within(from, to).iter();
+    fn lost_closing(&self, from_us: u64, to_us: u64) -> Option<u64> {
+        let closing = self.h.frames_within(from_us, to_us).iter();
         let closing: Vec<&Frame> =
             closing.filter(|frame| frame.sent == Sent::Action(CLOSE_PUMP)).take(CLOSING).collect();
         let lost = closing.len() == CLOSING && closing.iter().all(|frame| !frame.arrived);

@@ -78,8 +78,8 @@ impl Case<'_> {
         all
     }
 
-    fn exempt_at(&self, from: u64, to: u64) -> bool {
-        self.exemptions().iter().any(|(_, spans)| spans.touches(from, to + 1))
+    fn exempt_at(&self, from_us: u64, to_us: u64) -> bool {
+        self.exemptions().iter().any(|(_, spans)| spans.touches(from_us, to_us + 1))
     }
 
     /// How long the rules applied, and how much of it was exempt.
@@ -109,13 +109,13 @@ impl Case<'_> {
     }
 
     /// The longest time without a reset: a node that is reset before two reports agree cannot know what it is sent.
-    pub(super) fn longest_up(&self, from: u64, at: u64) -> u64 {
-        longest_outside(&self.down, from, at)
+    pub(super) fn longest_up(&self, from_us: u64, at_us: u64) -> u64 {
+        longest_outside(&self.down, from_us, at_us)
     }
 
     /// The longest time in which the node was up and received every report.
-    pub(super) fn longest_received(&self, from: u64, at: u64) -> u64 {
-        longest_outside(&self.down.union(&self.blind).union(&self.h.noise), from, at)
+    pub(super) fn longest_received(&self, from_us: u64, at_us: u64) -> u64 {
+        longest_outside(&self.down.union(&self.blind).union(&self.h.noise), from_us, at_us)
     }
 
     pub(super) fn shut_down(&mut self) {
@@ -603,13 +603,13 @@ impl Case<'_> {
 }
 
 /// The longest time between two instants that none of these touches.
-fn longest_outside(spans: &Spans, from: u64, at: u64) -> u64 {
-    let (mut since, mut longest) = (from, 0);
-    for (begins, ends) in spans.iter().filter(|(begins, ends)| *ends > from && *begins < at) {
+fn longest_outside(spans: &Spans, from_us: u64, at_us: u64) -> u64 {
+    let (mut since, mut longest) = (from_us, 0);
+    for (begins, ends) in spans.iter().filter(|(begins, ends)| *ends > from_us && *begins < at_us) {
         longest = longest.max(begins.saturating_sub(since));
         since = ends;
     }
-    longest.max(at.saturating_sub(since))
+    longest.max(at_us.saturating_sub(since))
 }
 
 /// Whether this commands another demand.

@@ -79,10 +79,10 @@ impl<'a> Words<'a> {
         if self.late.contains(at) { FOUND_LATE } else { 0 }
     }
 
-    fn received(&self, from: u64, to: u64) -> &'a [Received] {
+    fn received(&self, from_us: u64, to_us: u64) -> &'a [Received] {
         let received = &self.mavlink.received;
-        let first = received.partition_point(|received| received.at < from);
-        let last = received.partition_point(|received| received.at <= to).max(first);
+        let first = received.partition_point(|received| received.at < from_us);
+        let last = received.partition_point(|received| received.at <= to_us).max(first);
         &received[first..last]
     }
 
@@ -97,9 +97,9 @@ impl<'a> Words<'a> {
     }
 
     /// Whether it may have shown this in a time.
-    fn may_show(&self, from: u64, to: u64, armed: bool) -> bool {
-        self.shows(from) == Some(armed)
-            || self.shown.iter().any(|(at, shown)| (from..=to).contains(at) && *shown == Some(armed))
+    fn may_show(&self, from_us: u64, to_us: u64, armed: bool) -> bool {
+        self.shows(from_us) == Some(armed)
+            || self.shown.iter().any(|(at, shown)| (from_us..=to_us).contains(at) && *shown == Some(armed))
     }
 
     /// The last throttle that may count, since then.

@@ -72,58 +72,59 @@ impl Case<'_> {
     }
 
     /// An order to run whose engine has not come to run ends when the stages of loss have run out.
-    fn no_start_in_silence(&mut self, from: u64, to: u64) {
+    fn no_start_in_silence(&mut self, from_us: u64, to_us: u64) {
         let h = self.h;
         let rules = &h.rules;
         let age = rules.ages.into_iter().max().unwrap_or_default();
-        let ends = from + age + rules.hold + rules.standby_after.unwrap_or(RUN_OUT) + SECOND;
-        let sent = h.frames_within(ends, to).iter().find(|frame| frame.sent.switch() == Some(Switch::Run));
+        let ends = from_us + age + rules.hold + rules.standby_after.unwrap_or(RUN_OUT) + SECOND;
+        let sent = h.frames_within(ends, to_us).iter().find(|frame| frame.sent.switch() == Some(Switch::Run));
         let Some(frame) = sent else { return };
         let ran = h
-            .samples(from, frame.at)
+            .samples(from_us, frame.at)
             .iter()
             .any(|sample| matches!(sample.phase, Phase::Running | Phase::LearningIdle) || sample.hidden);
-        if !ran && !self.down.touches(from, frame.at) && !h.pwm.touches(from, frame.at) {
+        if !ran && !self.down.touches(from_us, frame.at) && !h.pwm.touches(from_us, frame.at) {
             let text =
-                format!("run for an engine that does not run, all sources silent since {}", seconds(from));
+                format!("run for an engine that does not run, all sources silent since {}", seconds(from_us));
             self.verdict.finding(Rule::SilentWire, frame.at, text);
         }
     }
 
     /// A lost demand never rises, nor does it when its source is there again, until that has been received for long enough.
-    fn no_rise_in_silence(&mut self, from: u64, to: u64) {
+    fn no_rise_in_silence(&mut self, from_us: u64, to_us: u64) {
         let h = self.h;
         let rules = &h.rules;
-        let Some(last) = h.commanded(from, from).iter().rev().find(|last| last.command.is_received()) else {
+        let Some(last) = h.commanded(from_us, from_us).iter().rev().find(|last| last.command.is_received())
+        else {
             return;
         };
-        let short = from + self.command_log.age(last.source) + rules.return_within + 300 * MS;
-        let again = h.commanded(to, to).iter().all(|again| again.source == last.source);
+        let short = from_us + self.command_log.age(last.source) + rules.return_within + 300 * MS;
+        let again = h.commanded(to_us, to_us).iter().all(|again| again.source == last.source);
         // Other settings after a reset.
         let recovers =
             if h.resets.is_empty() { rules.recover_after } else { rules.recover_after.min(300 * MS) };
         let alone = h
-            .commanded(from.saturating_sub(30 * SECOND), from)
+            .commanded(from_us.saturating_sub(30 * SECOND), from_us)
             .iter()
             .all(|other| other.source == last.source);
         // One that was not alone may have taken over.
         let age = rules.ages.into_iter().max().unwrap_or_default();
         let age = if alone { self.command_log.age(last.source) } else { age };
-        let lost = from + age + 2 * rules.period + 200 * MS;
-        let until = if again && alone && to > short {
-            to + recovers.saturating_sub(2 * rules.period + 100 * MS)
+        let lost = from_us + age + 2 * rules.period + 200 * MS;
+        let until = if again && alone && to_us > short {
+            to_us + recovers.saturating_sub(2 * rules.period + 100 * MS)
         } else {
-            to
+            to_us
         };
         let hidden = self.blind.union(&h.noise).union(&h.deaf).union(&self.down);
-        let since = from.saturating_sub(2 * SECOND);
+        let since = from_us.saturating_sub(2 * SECOND);
         // One that is present, and commands nothing, is not lost.
-        let present = h.commanded(from, to).iter().any(|other| other.command == PilotCommand::Nothing);
+        let present = h.commanded(from_us, to_us).iter().any(|other| other.command == PilotCommand::Nothing);
         if until <= lost || present || rules.governor || h.pwm.touches(since, until) {
             return;
         }
         let spared = rules.when_other_fails.is_some()
-            && h.other_failed.touches(from.saturating_sub(8 * SECOND), until);
+            && h.other_failed.touches(from_us.saturating_sub(8 * SECOND), until);
         let mut before = None;
         for frame in h.frames_within(lost, until) {
             let Some(demanded) = frame.sent.demand() else { continue };
@@ -136,25 +137,25 @@ impl Case<'_> {
             }
             if rises {
                 let text =
-                    format!("the demand rises to {demanded}, all sources silent since {}", seconds(from));
+                    format!("the demand rises to {demanded}, all sources silent since {}", seconds(from_us));
                 return self.verdict.finding(Rule::SilentWire, frame.at, text);
             }
         }
     }
 
     /// A ZK ECU that is not received gets standby when the stages of loss have run out.
-    fn standby_in_doubt(&mut self, from: u64, to: u64) {
+    fn standby_in_doubt(&mut self, from_us: u64, to_us: u64) {
         let h = self.h;
         let rules = &h.rules;
-        if self.is_amt() || h.pwm.touches(from.saturating_sub(60 * SECOND), to) {
+        if self.is_amt() || h.pwm.touches(from_us.saturating_sub(60 * SECOND), to_us) {
             return;
         }
         let age = rules.ages.into_iter().max().unwrap_or_default();
         let stages = age + rules.hold + rules.standby_after.unwrap_or(RUN_OUT);
-        for (begins, ends) in h.mute.iter().filter(|(begins, ends)| *ends > from && *begins < to) {
-            let mut due = (from + stages).max(begins + self.gap()) + 3 * SECOND;
+        for (begins, ends) in h.mute.iter().filter(|(begins, ends)| *ends > from_us && *begins < to_us) {
+            let mut due = (from_us + stages).max(begins + self.gap()) + 3 * SECOND;
             let mut resets = 0;
-            for reset in h.resets.iter().filter(|reset| reset.up > from) {
+            for reset in h.resets.iter().filter(|reset| reset.up > from_us) {
                 if reset.down >= due {
                     break;
                 }
@@ -165,9 +166,9 @@ impl Case<'_> {
                 }
             }
             let until = due + SECOND;
-            let handed_over = h.commanded(0, from).iter().rev().take(2000);
+            let handed_over = h.commanded(0, from_us).iter().rev().take(2000);
             let handed_over = handed_over.clone().any(|commanded| commanded.command == PilotCommand::Pwm);
-            if until > ends.min(to) || resets > 3 || handed_over || self.down.touches(due, until) {
+            if until > ends.min(to_us) || resets > 3 || handed_over || self.down.touches(due, until) {
                 continue;
             }
             self.verdict.count("standbys in doubt", 1);
@@ -177,7 +178,7 @@ impl Case<'_> {
                 let text = format!(
                     "no standby, nothing received of the engine since {}, all sources silent since {}",
                     seconds(begins),
-                    seconds(from)
+                    seconds(from_us)
                 );
                 return self.verdict.finding(Rule::SilentWire, due, text);
             }
@@ -213,12 +214,12 @@ impl Case<'_> {
 
     /// The instant by which the demand is at the fail-safe: a reset costs the time without a node and the time to find
     /// out, at most three of them; from the third on it resumes there.
-    fn fail_safe_by(&self, from: u64, to: u64, stages: u64) -> u64 {
+    fn fail_safe_by(&self, from_us: u64, to_us: u64, stages: u64) -> u64 {
         let rules = &self.h.rules;
         let finds_out = rules.listen + FINDS_OUT;
-        let mut by = from + stages;
+        let mut by = from_us + stages;
         let mut resets = 0;
-        for reset in self.h.resets.iter().filter(|reset| reset.up > from && reset.down < to) {
+        for reset in self.h.resets.iter().filter(|reset| reset.up > from_us && reset.down < to_us) {
             // What is at the fail-safe stays there. A demand that did not get to the ECU, because its life is in doubt, has not
             // been lowered: a node without memory finds it, and begins with it.
             if reset.down >= by && !(reset.cause == Cause::PowerOn && self.obeys_more(reset.down)) {
@@ -231,7 +232,7 @@ impl Case<'_> {
                 by = by.min(reset.up + finds_out + 300 * MS);
                 break;
             }
-            by += reset.up - reset.down.max(from) + finds_out;
+            by += reset.up - reset.down.max(from_us) + finds_out;
             if reset.cause != Cause::Watchdog {
                 // What was retained of a source is gone: the stages begin with nobody's demand.
                 by = by.max(reset.up + finds_out + stages);

@@ -1,7 +1,7 @@
 //! Who may start an engine, and for how long an engine at rest may be sent run.
 
 use super::case::{Case, Rule, seconds};
-use crate::history::{Cause, Demanded, Frame, Kind, MS, Mark, PilotCommand, SECOND, Sample, Switch};
+use crate::history::{Cause, Frame, Kind, MS, Mark, PilotCommand, SECOND, Sample, Switch};
 use sim::turbine::Phase;
 
 /// After a lower demand a falling exhaust proves nothing for this long.
@@ -94,13 +94,6 @@ impl Case<'_> {
             }
         }
         starts
-    }
-
-    pub(super) fn is_idle(&self, demanded: Demanded) -> bool {
-        match demanded {
-            Demanded::Throttle(tenths) => tenths <= self.h.rules.idle_band,
-            Demanded::Rpm(rpm) => f64::from(rpm) <= self.h.rules.idle_rpm,
-        }
     }
 
     /// How long after its run a start may still bring the engine to life.
@@ -226,11 +219,11 @@ impl Case<'_> {
     }
 
     /// The longest time without a command of a source, from one of its commands on.
-    fn longest_gap(&self, source: usize, from: u64, to: u64) -> u64 {
-        let commands = self.command_log.until(source, to);
-        let commands = &commands[commands.partition_point(|(at, _)| *at < from)..];
-        let ends = commands.iter().skip(1).map(|(at, _)| *at).chain([to]);
-        commands.iter().zip(ends).map(|((at, _), end)| end - at).max().unwrap_or(to - from)
+    fn longest_gap(&self, source: usize, from_us: u64, to_us: u64) -> u64 {
+        let commands = self.command_log.until(source, to_us);
+        let commands = &commands[commands.partition_point(|(at, _)| *at < from_us)..];
+        let ends = commands.iter().skip(1).map(|(at, _)| *at).chain([to_us]);
+        commands.iter().zip(ends).map(|((at, _), end)| end - at).max().unwrap_or(to_us - from_us)
     }
 
     pub(super) fn starts(&mut self) {
@@ -525,18 +518,18 @@ impl Case<'_> {
     }
 
     /// When the exhaust has fallen fast enough, and for long enough, to show it.
-    fn fallen(&self, from: u64, to: u64) -> Option<u64> {
+    fn fallen(&self, from_us: u64, to_us: u64) -> Option<u64> {
         let egt = |at| self.h.sample(at).map_or(0.0, |sample| sample.egt);
         let falls =
             |at: u64| (0..FALLS_FOR).all(|n| egt(at - (n + 1) * SECOND) - egt(at - n * SECOND) > FALL);
-        let mut samples = self.h.samples(from, to).iter().map(|sample| sample.at);
-        samples.find(|at| *at >= from + FALLS_FOR * SECOND && falls(*at))
+        let mut samples = self.h.samples(from_us, to_us).iter().map(|sample| sample.at);
+        samples.find(|at| *at >= from_us + FALLS_FOR * SECOND && falls(*at))
     }
 
     /// The last frame in this time with a lower demand than the one before it.
-    fn last_lowered(&self, from: u64, to: u64) -> Option<u64> {
+    fn last_lowered(&self, from_us: u64, to_us: u64) -> Option<u64> {
         let demand = |frame: &Frame| frame.sent.demand().map_or(0.0, |demanded| self.share(demanded));
-        let mut pairs = self.h.frames_within(from, to).windows(2).rev();
+        let mut pairs = self.h.frames_within(from_us, to_us).windows(2).rev();
         pairs.find(|pair| demand(&pair[1]) + 5.0 < demand(&pair[0])).map(|pair| pair[1].at)
     }
 

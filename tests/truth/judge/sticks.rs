@@ -50,9 +50,10 @@ impl Case<'_> {
     }
 
     /// The switches on the wire in this time: none, all the same, or several.
-    fn switches(&self, from: u64, to: u64) -> Wire {
+    fn switches(&self, from_us: u64, to_us: u64) -> Wire {
         let mut wire = Wire::Nothing;
-        for switch in self.h.frames_within(from, to + 1).iter().filter_map(|frame| frame.sent.switch()) {
+        for switch in self.h.frames_within(from_us, to_us + 1).iter().filter_map(|frame| frame.sent.switch())
+        {
             wire = match wire {
                 Wire::Nothing => Wire::All(switch),
                 Wire::All(before) if before == switch => wire,

@@ -148,12 +148,6 @@ impl Case<'_> {
         }
     }
 
-    /// The times in which nothing leaves the node, because its transmitter hangs.
-    pub(super) fn stalled(&self) -> Spans {
-        let stalled = self.h.deaf.iter().filter(|(_, to)| self.h.stalls.contains(to));
-        Spans::from(&stalled.collect::<Vec<_>>())
-    }
-
     /// Run by ID 6, rpm and services only where the ECU's version is known and allows them.
     pub(super) fn versions(&mut self) {
         let h = self.h;

@@ -210,11 +210,11 @@ fn an_ecu_does_not_put_out_an_engine_for_want_of_commands() {
     }
     // The wire from the ECU alone: up to a set before, the one in which it ends, and a set without a state. The other way a set at
     // either end.
-    let cut = |length: u64, mute: bool| {
+    let cut = |length_ms: u64, mute: bool| {
         story(AMT).with(|h: &mut History| {
-            let cut = Spans::from(&[(39_800 * MS - length * MS, 39_800 * MS)]);
+            let cut = Spans::from(&[(39_800 * MS - length_ms * MS, 39_800 * MS)]);
             *(if mute { &mut h.mute } else { &mut h.deaf }) = cut;
-            h.frames.retain(|frame| !(39_800 * MS - length * MS..40 * SECOND).contains(&frame.at));
+            h.frames.retain(|frame| !(39_800 * MS - length_ms * MS..40 * SECOND).contains(&frame.at));
         })
     };
     cut(1650, true).breaks_beside(&[Rule::Doubt], &[]);
@@ -225,9 +225,11 @@ fn an_ecu_does_not_put_out_an_engine_for_want_of_commands() {
     story(Kind::Zk(3)).with(handed_over(40_100)).passes();
     story(Kind::Zk(3)).with(handed_over(38_900)).breaks(&[Rule::GivenUp]);
     // A gap of the node that the ECU has to put up with is none.
-    let reset = |length: u64| {
+    let reset = |length_ms: u64| {
         let down = 38 * SECOND;
-        move |h: &mut History| h.resets.push(Reset { down, up: down + length * MS, cause: Cause::Watchdog })
+        move |h: &mut History| {
+            h.resets.push(Reset { down, up: down + length_ms * MS, cause: Cause::Watchdog })
+        }
     };
     story(AMT).with(reset(800)).breaks(&[Rule::GivenUp]);
     story(AMT).with(reset(950)).breaks(&[Rule::GivenUp]);
@@ -338,10 +340,10 @@ fn a_demand_is_not_held_below_the_commanded_one() {
         .turbine(40.0, 60.0, Phase::Running, 80_000.0, 500.0)
         .breaks(&[Rule::HeldDown]);
     // A transmitter that hangs for less than the ECU waits.
-    let stalls = |from: u64, to: u64| {
+    let stalls = |from_us: u64, to_us: u64| {
         let stalls = move |h: &mut History| {
-            h.frames.retain(|frame| !(from..to).contains(&frame.at));
-            h.deaf = Spans::from(&[(from, to)]);
+            h.frames.retain(|frame| !(from_us..to_us).contains(&frame.at));
+            h.deaf = Spans::from(&[(from_us, to_us)]);
         };
         story(500).with(stalls)
     };

@@ -143,15 +143,15 @@ fn slots(bench: &mut Bench<ZkLink>, count: usize) -> Vec<Vec<u8>> {
 }
 
 /// Time passes, and the ECU is received: it reports its temperature.
-fn received_to(bench: &mut Bench<ZkLink>, t: u64) {
-    while bench.now_us() < t {
+fn received_to(bench: &mut Bench<ZkLink>, to_us: u64) {
+    while bench.now_us() < to_us {
         let next = (bench.now_us() / SEND_SLOT_US + 1) * SEND_SLOT_US;
-        if next > t {
+        if next > to_us {
             break;
         }
         bench.rx_at_us(next, &zk::status(9, 0, [76, 0, 0]));
     }
-    bench.run_to_us(t);
+    bench.run_to_us(to_us);
 }
 
 fn id(frame: &[u8]) -> u8 {

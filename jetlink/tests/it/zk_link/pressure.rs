@@ -8,8 +8,8 @@ fn zk_14_pressure_is_sent_once_a_second_when_requested_known_and_fresh() {
     let sent = |bench: &mut Bench<ZkLink>| -> Vec<(u64, Vec<u8>)> {
         bench.frames().into_iter().filter(|(_, frame)| id(frame) == 8).collect()
     };
-    let requests = |bench: &mut Bench<ZkLink>, to: u64, requests: bool| {
-        while bench.now_us() < to {
+    let requests = |bench: &mut Bench<ZkLink>, to_us: u64, requests: bool| {
+        while bench.now_us() < to_us {
             let t = bench.now_us() + 100_000;
             bench.rx_at_us(t, &zk::idle(30, requests));
         }

@@ -121,36 +121,6 @@ impl Oracle {
         Ok(())
     }
 
-    /// The last stage of loss may have come: as configured, or in doubt 10 s into the fail-safe stage.
-    pub(super) fn ended_by_loss(&self, at: u64) -> bool {
-        let loss = self.config.supervision.loss;
-        let in_doubt = self.uncertain(at) || at < self.fault_at + UNCERTAIN;
-        let after = loss.standby_after.map(|after| after.as_micros()).or(in_doubt.then_some(RUN_OUT));
-        // After a reset the silence that is carried over is not certain, and after three the hold is left out.
-        let hold = if self.uncertain(at) { 0 } else { loss.hold.as_micros() };
-        // Silence that is carried over a reset may be counted a little longer than it was.
-        let slack = match (self.uncertain(at), self.booted > self.wanted_until_least) {
-            (true, _) => SECOND + self.longest_age(),
-            (false, true) => SECOND,
-            (false, false) => TOL,
-        };
-        after.is_some_and(|after| at + slack >= self.wanted_until_least + hold + after)
-    }
-
-    /// The lower source that commands standby and may have ended the run.
-    pub(super) fn ended_by_lower(&self, at: u64) -> Option<Origin> {
-        let loss = self.config.supervision.loss;
-        let lasted = loss.hold.as_micros() + loss.lower_standby_after.as_micros();
-        let lower = |at| {
-            let standby = |(_, source): &(Origin, Source)| source.intent == Intent::Standby;
-            self.active_source(at).filter(standby).map(|(origin, _)| origin)
-        };
-        if at + TOL < self.wanted_until_least + lasted {
-            return None;
-        }
-        lower(at).or_else(|| lower(self.last_run))
-    }
-
     pub(super) fn run(&mut self, at: u64) -> Result<bool, String> {
         self.tally.run_frames += 1;
         if !self.wire_run {
@@ -503,17 +473,6 @@ impl Oracle {
             // It is reduced for as long as another engine has failed.
             || self.config.supervision.when_other_fails.is_some()
             || self.running_since.is_none_or(|since| at < since + BEHIND)
-    }
-
-    pub(super) fn as_throttle(&self, demand: Demand) -> u16 {
-        match demand {
-            Demand::Throttle(throttle) => throttle.tenths(),
-            Demand::Rpm(_) if self.speed_control => 0,
-            // The governor's throttle follows the shaft, within its authority.
-            Demand::Rpm(_) => {
-                self.config.supervision.governor.map_or(0, |governor| governor.authority.tenths())
-            }
-        }
     }
 
     /// What the source in control commands.
