@@ -176,11 +176,20 @@ impl Channel {
 
 /// Telemetry and events of one engine, for code that only listens: it can neither command nor change anything. Copies may be used in several tasks.
 ///
-/// ```compile_fail
+/// Only the owner claims sources:
+///
+/// ```
 /// # use jetlink::{channel::Channel, command::Origin, config::EngineConfig, ecu::zk::codec::Rate, line::Line};
 /// # let config = EngineConfig::zk("a", 0, Line::new(9600), Rate::Hz100);
 /// let channel = Channel::new(&config, None);
-/// let source = channel.handle().source(Origin::Emergency); // Only the owner claims sources.
+/// let source = channel.owner().source(Origin::Bench);
+/// ```
+///
+/// ```compile_fail,E0599
+/// # use jetlink::{channel::Channel, command::Origin, config::EngineConfig, ecu::zk::codec::Rate, line::Line};
+/// # let config = EngineConfig::zk("a", 0, Line::new(9600), Rate::Hz100);
+/// let channel = Channel::new(&config, None);
+/// let source = channel.handle().source(Origin::Bench);
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Handle<'a> {

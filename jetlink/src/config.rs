@@ -234,27 +234,38 @@ pub const fn validate(engines: &[EngineConfig]) -> Result<(), ConfigError> {
 ///
 /// ```
 /// # use jetlink::{config::{check, EngineConfig}, ecu::zk::codec::Rate, line::Line};
-/// const GOOD: [EngineConfig; 1] = [EngineConfig::zk("a", 0, Line::new(9600), Rate::Hz100)];
-/// const _: () = check(&GOOD);
+/// const ENGINES: [EngineConfig; 1] = [EngineConfig::zk("a", 0, Line::new(9600), Rate::Hz100)];
+/// const _: () = check(&ENGINES);
 /// ```
 ///
 /// A status rate that the line cannot carry does not build (ZK-11):
 ///
-/// ```compile_fail
+/// ```compile_fail,E0080
 /// # use jetlink::{config::{check, EngineConfig}, ecu::zk::codec::Rate, line::Line};
-/// const FAST: [EngineConfig; 1] = [EngineConfig::zk("a", 0, Line::new(4800), Rate::Hz100)];
-/// const _: () = check(&FAST);
+/// const ENGINES: [EngineConfig; 1] = [EngineConfig::zk("a", 0, Line::new(4800), Rate::Hz100)];
+/// const _: () = check(&ENGINES);
 /// ```
 ///
-/// Nor do two engines on one port:
+/// Two engines have two ports:
 ///
-/// ```compile_fail
+/// ```
 /// # use jetlink::{config::{check, EngineConfig}, ecu::zk::codec::Rate, line::Line};
-/// const TWICE: [EngineConfig; 2] = [
+/// const ENGINES: [EngineConfig; 2] = [
+///     EngineConfig::zk("a", 3, Line::new(9600), Rate::Hz20),
+///     EngineConfig::amt("b", 4, Line::new(2400), None),
+/// ];
+/// const _: () = check(&ENGINES);
+/// ```
+///
+/// On one port they do not build:
+///
+/// ```compile_fail,E0080
+/// # use jetlink::{config::{check, EngineConfig}, ecu::zk::codec::Rate, line::Line};
+/// const ENGINES: [EngineConfig; 2] = [
 ///     EngineConfig::zk("a", 3, Line::new(9600), Rate::Hz20),
 ///     EngineConfig::amt("b", 3, Line::new(2400), None),
 /// ];
-/// const _: () = check(&TWICE);
+/// const _: () = check(&ENGINES);
 /// ```
 ///
 /// # Panics
@@ -270,14 +281,14 @@ pub const fn check(engines: &[EngineConfig]) {
 ///
 /// ```
 /// # use jetlink::{config::{check_ports, EngineConfig}, line::Line};
-/// const LAST: [EngineConfig; 1] = [EngineConfig::amt("a", 4, Line::new(2400), None)];
-/// const _: () = check_ports(&LAST, 5);
+/// const ENGINES: [EngineConfig; 1] = [EngineConfig::amt("a", 4, Line::new(2400), None)];
+/// const _: () = check_ports(&ENGINES, 5);
 /// ```
 ///
-/// ```compile_fail
+/// ```compile_fail,E0080
 /// # use jetlink::{config::{check_ports, EngineConfig}, line::Line};
-/// const BEYOND: [EngineConfig; 1] = [EngineConfig::amt("a", 5, Line::new(2400), None)];
-/// const _: () = check_ports(&BEYOND, 5);
+/// const ENGINES: [EngineConfig; 1] = [EngineConfig::amt("a", 5, Line::new(2400), None)];
+/// const _: () = check_ports(&ENGINES, 5);
 /// ```
 ///
 /// # Panics
@@ -307,7 +318,7 @@ pub const fn check_ports(engines: &[EngineConfig], ports: usize) {
 /// const _: () = check_port_is_free(&ENGINES, 5, "a receiver");
 /// ```
 ///
-/// ```compile_fail
+/// ```compile_fail,E0080
 /// # use jetlink::{config::{check_port_is_free, EngineConfig}, line::Line};
 /// const ENGINES: [EngineConfig; 1] = [EngineConfig::amt("a", 4, Line::new(2400), None)];
 /// const _: () = check_port_is_free(&ENGINES, 4, "a receiver");

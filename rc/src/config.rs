@@ -51,16 +51,17 @@ impl Protocol {
 ///
 /// ```
 /// # use jetlink_rc::{config::RadioConfig, settings::EngineSettings};
-/// const RADIO: RadioConfig<2> = RadioConfig::sbus(5, [EngineSettings::DEFAULT; 2]);
+/// const ENGINE: EngineSettings = EngineSettings { switch: 6, ..EngineSettings::DEFAULT };
+/// const RADIO: RadioConfig<1> = RadioConfig::sbus(5, [ENGINE]);
 /// const _: () = RADIO.check();
 /// ```
 ///
-/// Settings that contradict each other do not build:
+/// Settings that contradict each other do not build. Here the switch has the throttle's channel:
 ///
-/// ```compile_fail
+/// ```compile_fail,E0080
 /// # use jetlink_rc::{config::RadioConfig, settings::EngineSettings};
-/// const ONE_CHANNEL: EngineSettings = EngineSettings { switch: 3, ..EngineSettings::DEFAULT };
-/// const RADIO: RadioConfig<1> = RadioConfig::sbus(5, [ONE_CHANNEL]);
+/// const ENGINE: EngineSettings = EngineSettings { switch: 3, ..EngineSettings::DEFAULT };
+/// const RADIO: RadioConfig<1> = RadioConfig::sbus(5, [ENGINE]);
 /// const _: () = RADIO.check();
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

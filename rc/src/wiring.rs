@@ -45,11 +45,11 @@ pub struct PinLevel {
 ///
 /// One pin for two outputs does not build:
 ///
-/// ```compile_fail
+/// ```compile_fail,E0080
 /// # use jetlink_rc::wiring::{OutputConfig, OutputPin, check_outputs};
 /// const LEFT: OutputConfig = OutputConfig::valve(OutputPin::high(0)).with_power(OutputPin::low(1));
 /// const RIGHT: OutputConfig = OutputConfig::valve(OutputPin::high(1));
-/// const _: () = check_outputs(&[LEFT, RIGHT]);
+/// const _: () = check_outputs(&[LEFT, RIGHT, OutputConfig::NONE]);
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct OutputConfig {
