@@ -289,32 +289,38 @@ impl Engine {
         origin: Origin,
         others_allow_start: bool,
     ) -> Result<Accepted, Rejected> {
-        if matches!(self.mode, Mode::Stop(_)) {
-            return Err(Rejected::StopLatched);
+        // It does not wait for another engine, and a refusal uses the permission up.
+        let result = self.try_hand_over(now, origin, others_allow_start).and_then(|()| self.order_pwm(now));
+        if result.is_err() {
+            self.use_up(origin);
         }
-        if matches!(self.mode, Mode::Listen(_)) {
-            return Err(Rejected::Listening);
+        result?;
+        self.permitted = Origins::NONE;
+        self.hand_over(Life::ordered(), Some(now + self.start_time()), origin);
+        self.last_start = Some(now);
+        Ok(Accepted::InForce)
+    }
+
+    /// Whether a command hands the engine over now.
+    fn try_hand_over(&self, now: Instant, origin: Origin, others_allow_start: bool) -> Result<(), Rejected> {
+        match self.mode {
+            Mode::Stop(_) => return Err(Rejected::StopLatched),
+            Mode::Listen(_) => return Err(Rejected::Listening),
+            Mode::Standby | Mode::Run(_) | Mode::Pwm { .. } => {}
         }
         if let Some(above) = self.sources.above(now, origin) {
             return Err(Rejected::Behind(above));
         }
-        let idle = Demand::Throttle(Throttle::IDLE);
         // A source that was lost has to stream standby again until it is in control.
         let permitted = self.sources.in_control(now, origin)
             && matches!(self.mode, Mode::Standby)
             && self.permitted.contains(origin);
-        let result = if permitted {
-            self.interlocks(now, idle, others_allow_start, Err)
-                .map_err(|interlock| self.refusal(interlock, origin))
-        } else {
-            Err(Rejected::StandbyFirst)
-        };
-        let result = result.and_then(|()| self.order_pwm(now));
-        self.permitted = Origins::NONE;
-        result?;
-        self.hand_over(Life::ordered(), Some(now + self.start_time()), origin);
-        self.last_start = Some(now);
-        Ok(Accepted::InForce)
+        if !permitted {
+            return Err(Rejected::StandbyFirst);
+        }
+        let idle = Demand::Throttle(Throttle::IDLE);
+        self.interlocks(now, idle, others_allow_start, Err)
+            .map_err(|interlock| self.refusal(interlock, origin))
     }
 
     fn service(&mut self, now: Instant, service: Service, origin: Origin) -> Result<Accepted, Rejected> {

@@ -46,10 +46,12 @@ impl Engine {
     }
 
     /// Time without a confirmation of a life in doubt, and without a reply to its ECU: its begin, and its length before the
-    /// last reset.
+    /// last reset. Replies from before the order do not count: an engine that is found has not had one yet.
     pub(super) fn unconfirmed(&self, life: &Life) -> Option<(Instant, Duration)> {
         let (since, before) = (life.in_doubt()?, life.doubted_before());
-        Some(self.link.last_reply().map_or((since, before), |at| (at, Duration::from_ticks(0))))
+        let began = if let Mode::Run(run) = &self.mode { run.began } else { Instant::MIN };
+        let last_reply = self.link.last_reply().filter(|at| *at >= began);
+        Some(last_reply.map_or((since, before), |at| (at, Duration::from_ticks(0))))
     }
 
     /// Time at which a life in doubt loses its order: its ECU has stopped the engine by then.

@@ -95,6 +95,14 @@ impl Exhaust {
         self.state
     }
 
+    /// Frames were missing: what burned before may have gone out since, and two values have to show that it burns.
+    pub fn gap(&mut self) {
+        self.above = 0;
+        if self.state == Burning::Yes {
+            self.state = Burning::NotKnown;
+        }
+    }
+
     /// Whether a working thermocouple can give this value.
     pub fn is_plausible(egt: Celsius) -> bool {
         egt >= PLAUSIBLE.0 && egt <= PLAUSIBLE.1

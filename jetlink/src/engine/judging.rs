@@ -89,7 +89,7 @@ impl Engine {
                 let demand = Demand::Throttle(throttle);
                 // An interrupted start continues until its ECU reports running. So does a start that no record has.
                 let (ran, started) = match &self.mode {
-                    Mode::Listen(finding) => (finding.ran, finding.started),
+                    Mode::Listen(finding) => (finding.flew(), finding.started),
                     _ => (false, None),
                 };
                 let life = match sign {

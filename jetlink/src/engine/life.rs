@@ -462,6 +462,8 @@ pub(super) struct Finding {
     pub active_source: Origin,
     /// The engine ran before, according to the record.
     pub ran: bool,
+    /// The order was given up, because nothing confirmed it in time: what became of the engine since is not known.
+    given_up: bool,
     /// Time since an unfinished start, according to the record.
     pub started: Option<Duration>,
     alive: u8,
@@ -492,11 +494,24 @@ impl Finding {
             lost_for: Duration::from_ticks(0),
             active_source: Origin::Node,
             ran,
+            given_up: false,
             started: None,
             alive: 0,
             ending: 0,
             throttle: None,
         }
+    }
+
+    /// A search for an engine whose order was given up, with sources that fell silent earlier.
+    pub const fn given_up(now: Instant, silent_since: Instant, active_source: Origin) -> Self {
+        Self { given_up: true, ..Self::new(now, true) }
+            .silent_since(silent_since)
+            .controlled_by(active_source)
+    }
+
+    /// Whether the engine flew until this search began.
+    pub const fn flew(&self) -> bool {
+        self.ran && !self.given_up
     }
 
     /// Adds sources that fell silent earlier.
@@ -559,7 +574,7 @@ impl Finding {
                     _ => Found::Nothing,
                 }
             }
-            Sign::Faulted { .. } if self.ran && exhaust == Burning::Yes => Found::Burning,
+            Sign::Faulted { .. } if self.flew() && exhaust == Burning::Yes => Found::Burning,
             _ => Found::Nothing,
         }
     }

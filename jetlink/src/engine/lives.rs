@@ -46,6 +46,7 @@ impl Engine {
         }
         self.link.gap();
         self.last_gap = Some(Instant::MAX);
+        self.exhaust.gap();
         match &mut self.mode {
             Mode::Run(Run { life, .. }) | Mode::Pwm { life, .. } => {
                 let doubted = life.in_doubt().is_some();
@@ -88,7 +89,7 @@ impl Engine {
         self.failed = true;
         // The stages of loss continue from where they were.
         let silent_since = silent_since.unwrap_or(now);
-        self.listen(now, Finding::new(now, true).silent_since(silent_since).controlled_by(active_source));
+        self.listen(now, Finding::given_up(now, silent_since, active_source));
         self.event(Event::RunCancelled(End::Unconfirmed));
     }
 }

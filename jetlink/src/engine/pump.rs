@@ -1,6 +1,6 @@
 //! Fuel into an engine at rest: whether it is cold, and when the pump that a service opened is closed.
 
-use super::data::Engine;
+use super::data::{Engine, Mode};
 use super::exhaust::Exhaust;
 use crate::command::Interlock;
 use crate::link::Link;
@@ -16,15 +16,19 @@ impl Engine {
 
     /// Closes the pump, also one that was closed and still has a voltage: its frames may have been lost.
     pub(super) fn close_pump_again(&mut self) {
-        if self.pump.take().is_some() || self.link.service_frames().pump_is_open {
+        if self.pump.take().is_some() || self.pump_has_voltage() {
             self.link.close_pump();
         }
     }
 
     /// Whether a pump that a service opened is open, or may be.
     pub(super) fn pump_may_be_open(&self) -> bool {
-        let frames = self.link.service_frames();
-        self.pump.is_some() || frames.closing_pump || frames.pump_is_open
+        self.pump.is_some() || self.link.service_frames().closing_pump || self.pump_has_voltage()
+    }
+
+    /// Whether a pump that was closed still has a voltage. That of an engine that is ordered to run, or may run, is its own.
+    fn pump_has_voltage(&self) -> bool {
+        matches!(self.mode, Mode::Standby | Mode::Stop(_)) && self.link.service_frames().pump_is_open
     }
 
     /// Time at which a pump that a service opened is closed: after its maximum time, or the timeout of its source.

@@ -142,7 +142,7 @@ impl Engine {
         // Commands of a lower source must not prolong the hold of a lost source's demand.
         let received = match &self.mode {
             Mode::Run(run) => self.sources.has_commanded(run.in_control()),
-            _ => self.sources.any_received(),
+            _ => self.sources.last_command().is_some(),
         };
         let retained = match &self.mode {
             Mode::Listen(_) if self.retained.is_some() => {

@@ -178,7 +178,7 @@ impl Run {
 
     /// Time until which a source that was received before a reset is not silent yet.
     fn received_until(&self, by: &Arbitration<'_>) -> Option<Instant> {
-        if self.all_carried.as_ticks() == 0 || by.sources.any_received() {
+        if self.all_carried.as_ticks() == 0 || by.sources.last_command().is_some() {
             return None;
         }
         let left = by.config.timeouts.longest().as_ticks().saturating_sub(self.all_carried.as_ticks());

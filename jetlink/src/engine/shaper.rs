@@ -70,8 +70,8 @@ pub(super) struct Shaper {
     doubted: bool,
     /// Limits the rise to the configured rate until the commanded demand is reached: after a start, a take-over, a gap.
     rising: bool,
-    /// The demand was reduced because another engine failed.
-    was_reduced: bool,
+    /// Share to which the demand was reduced because another engine failed.
+    reduced_to: Option<u16>,
     /// The ECU's speeds, as last reported in this run: a lost link forgets them, and the fail-safe of an rpm needs them in doubt, the
     /// idle speed as its end and the maximum for its rate.
     idle_rpm: Option<Rpm>,
@@ -88,7 +88,7 @@ impl Shaper {
             governed: None,
             doubted: false,
             rising: true,
-            was_reduced: false,
+            reduced_to: None,
             idle_rpm: None,
             max_rpm: None,
             at: now,
@@ -149,7 +149,8 @@ impl Shaper {
         self.idle_rpm = shape.idle_rpm.or(self.idle_rpm);
         self.max_rpm = shape.max_rpm.or(self.max_rpm);
         let shape = &Shape { idle_rpm: self.idle_rpm, ..*shape };
-        if core::mem::replace(&mut self.was_reduced, shape.reduced_to.is_some()) && !self.was_reduced {
+        let before = core::mem::replace(&mut self.reduced_to, shape.reduced_to);
+        if before.is_some_and(|before| shape.reduced_to.is_none_or(|now| now > before)) {
             self.rising = true;
         }
         // A demand held in doubt must not jump when the life is confirmed, nor one when the transmitter works again.

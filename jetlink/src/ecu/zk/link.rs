@@ -95,6 +95,7 @@ impl ZkLink {
         match status {
             Status::Engine { switch, .. } => self.modes.reported(now, reported(switch)),
             Status::Settings { .. } => self.service.confirm(&self.status.report, &mut self.outbox),
+            Status::Voltages { .. } => self.pump.confirm(self.status.report.pump),
             Status::Identity { rate, .. } => {
                 self.expect_frames();
                 self.rate.compare(now, self.wanted_rate, rate, &mut self.outbox);

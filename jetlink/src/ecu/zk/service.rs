@@ -220,6 +220,15 @@ impl PumpClosing {
         matches!(self, Self::Waiting(_) | Self::Due(_) | Self::Sending(_))
     }
 
+    /// A voltage of zero since then shows that the pump is closed: a later one is that of a running engine.
+    pub fn confirm(&mut self, pump: Option<Timed<Reading>>) {
+        if let Self::Unconfirmed(last) = *self
+            && pump.is_some_and(|pump| pump.value.raw == 0 && pump.at >= last + PUMP_CLOSES_WITHIN)
+        {
+            *self = Self::None;
+        }
+    }
+
     /// Everything was sent, and the ECU reports a voltage since.
     pub fn has_failed(&self, pump: Option<Timed<Reading>>) -> bool {
         let Self::Unconfirmed(last) = *self else { return false };

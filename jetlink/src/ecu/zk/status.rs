@@ -44,6 +44,7 @@ impl DebouncedStatus {
         *self = Self { rate: self.rate, ..Self::new() };
         (report.phase, report.version, report.max_rpm, report.idle_rpm, report.rate) =
             (None, None, None, None, None);
+        (report.startup, report.pressure_requested, report.closed_loop) = (None, None, None);
     }
 
     /// The status rate.

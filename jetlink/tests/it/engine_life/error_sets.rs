@@ -457,3 +457,49 @@ fn amt_8_the_temperature_of_combustion_can_be_set_in_flight() {
         assert_eq!(scenario.order(), order, "{limit} °C");
     }
 }
+
+/// AMT-8: behind a gap two error sets with a hot exhaust show that the engine burns, and the second one is answered. One is not
+/// enough: what burned before the gap may have gone out. A cold exhaust is not answered.
+#[test]
+fn amt_8_behind_a_gap_the_second_hot_error_set_is_answered() {
+    for fault_before in [false, true] {
+        for (egt, answered) in [(480, true), (100, false)] {
+            let mut scenario = with_faults(2 * SECOND, u8::from(fault_before), run(50), |_| 480);
+            scenario.values.half_percents = 100;
+            scenario.fly_us(run(50), Origin::Rc, SECOND);
+            scenario.silent().fly_us(run(50), Origin::Rc, SECOND);
+            scenario.sent();
+            scenario.values.fault = 1 << 1 | 1 << 2;
+            scenario.values.egt_celsius = egt;
+            let frame = Ecu::Amt.frame(Reports::Running, scenario.values);
+            receive(&mut scenario, &frame);
+            assert_eq!(scenario.sent(), [], "{fault_before} {egt}: the first one");
+            receive(&mut scenario, &frame);
+            let sent = scenario.sent();
+            assert_eq!(sent.contains(&Wire::Run(500)), answered, "{fault_before} {egt}: {sent:?}");
+        }
+    }
+}
+
+/// After the order was given up, "started up", idle calibration and unnamed states are answered, but confirm nothing: the demand of its
+/// source does not reach the engine before two sets report that it runs.
+#[test]
+fn amt_12_after_an_order_was_given_up_only_running_confirms() {
+    for (state, runs) in [(0b00100, false), (0b01000, false), (0b11111, false), (0b01100, true)] {
+        let mut scenario = flying(Ecu::Amt);
+        scenario.silent().fly_us(run(50), Origin::Rc, 10 * SECOND);
+        assert_eq!(scenario.order(), Order::Listen);
+        for _ in 0..100 {
+            let mut frame = report(Ecu::Amt, state, TURNING);
+            frame[4] = 20;
+            receive(&mut scenario, &frame);
+            let _ = scenario.command(run(90));
+        }
+        let order = scenario.order();
+        assert_eq!(matches!(order, Order::Run(_)), runs, "{state:#07b}: {order}");
+        assert_eq!(scenario.telemetry().in_doubt.is_none(), runs, "{state:#07b}");
+        let sent = scenario.sent();
+        let highest = sent.iter().map(|wire| if let Wire::Run(tenths) = wire { *tenths } else { 0 }).max();
+        assert_eq!(highest, Some(if runs { 900 } else { 100 }), "{state:#07b}");
+    }
+}

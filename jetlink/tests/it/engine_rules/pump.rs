@@ -226,3 +226,37 @@ fn a_pump_that_still_has_a_voltage_is_closed_again_at_the_next_event() {
         }
     }
 }
+
+/// Ten frames to close the pump went out while no voltage was received. A later voltage of zero shows that it is closed; that of an
+/// engine in flight is its own, and neither a disarm nor a reset closes the pump of a running engine.
+#[test]
+fn the_pump_of_a_running_engine_is_not_closed() {
+    for zero_is_reported in [true, false] {
+        let mut scenario = pump_open();
+        scenario.command(Command::Standby).unwrap();
+        scenario.pass_us(2 * SECOND);
+        assert_eq!(closes(&scenario.bench.bytes()), 10);
+        if zero_is_reported {
+            scenario.bench.receive(&zk_frames::status(2, 0, [50, 60, 0]));
+        }
+        scenario.fly_us(Command::Standby, Origin::Rc, SECOND);
+        assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce));
+        scenario.reports(Reports::Starting);
+        scenario.fly_us(run(0), Origin::Rc, 5 * SECOND);
+        scenario.reports(Reports::Running);
+        scenario.fly_us(run(50), Origin::Rc, 5 * SECOND);
+        for _ in 0..3 {
+            scenario.bench.receive(&zk_frames::status(2, TURNING, [50, 60, 30]));
+            scenario.fly_us(run(50), Origin::Rc, FRAME_PERIOD_US);
+        }
+        assert!(!scenario.bench.machine.record().pump_open, "{zero_is_reported}");
+        scenario.bench.frames();
+        let mut reset = scenario.reset(Ecu::Zk.config());
+        scenario.command(Command::Disarm).unwrap();
+        scenario.fly_us(run(50), Origin::Rc, 2 * SECOND);
+        reset.fly_us(run(50), Origin::Rc, 2 * SECOND);
+        for flight in [&mut scenario, &mut reset] {
+            assert_eq!(closes(&flight.bench.bytes()), 0, "{zero_is_reported}: {}", flight.order());
+        }
+    }
+}

@@ -67,3 +67,89 @@ fn a_lower_sources_standby_before_the_runner_begins_ends_no_run() {
     let order = engine.telemetry(at_us(2 * SECOND)).ordered.order;
     assert_ne!(order, Order::Standby, "the record: {retained:?}");
 }
+
+/// A share that grows for the demand beside a failed engine is reached at the rate of every rise.
+#[test]
+fn a_demand_rises_at_its_rate_to_a_greater_share_beside_a_failed_engine() {
+    let mut config = Ecu::Zk.config();
+    config.supervision.when_other_fails = Some(300);
+    let mut scenario = Scenario::started_with(Ecu::Zk, config, percent(100));
+    scenario.bench.act(|engine, now| engine.other_failed(now, true));
+    scenario.fly_us(run(100), Origin::Rc, 5 * SECOND);
+    assert_eq!(scenario.tenths(), 300);
+    config.supervision.when_other_fails = Some(1000);
+    let now = at_us(scenario.now_us());
+    scenario.bench.act(|engine, _| engine.configure(now, &config.supervision)).unwrap();
+    assert_eq!(scenario.tenths(), 300, "at once");
+    scenario.fly_us(run(100), Origin::Rc, SECOND);
+    assert!((790..=810).contains(&scenario.tenths()), "50 % a second: {}", scenario.tenths());
+    scenario.fly_us(run(100), Origin::Rc, SECOND);
+    assert_eq!(scenario.tenths(), 1000);
+}
+
+/// Another ECU may be plugged in while the link is lost: the start-up time of the one before does not end its start.
+#[test]
+fn the_start_up_time_of_the_ecu_before_a_lost_link_is_forgotten() {
+    let mut scenario = Scenario::nothing_received(Ecu::Zk, Ecu::Zk.config());
+    let introduce = |scenario: &mut Scenario, version: u8, startup: u8| {
+        for _ in 0..4 {
+            scenario.bench.receive(&zk_frames::status(6, 0, [160, 0, version << 2]));
+            scenario.bench.receive(&zk_frames::status(8, 0, [5, 0, startup]));
+        }
+    };
+    introduce(&mut scenario, 5, 50);
+    scenario.reports(Reports::Standby).pass_us(SECOND);
+    assert!(scenario.telemetry().report.startup.is_some(), "the control: version 5 reports it");
+    scenario.silent().pass_us(5 * SECOND);
+    introduce(&mut scenario, 3, 0);
+    scenario.reports(Reports::Standby).pass_us(2 * SECOND);
+    assert_eq!(scenario.telemetry().report.startup, None, "version 3 does not");
+    scenario.command(Command::Arm).unwrap();
+    scenario.command(Command::Standby).unwrap();
+    scenario.command(run(0)).unwrap();
+    scenario.reports = Some(Reports::Starting);
+    scenario.fly_us(run(0), Origin::Rc, 60 * SECOND);
+    assert!(matches!(scenario.order(), Order::Run(_)), "{}", scenario.order());
+}
+
+/// A refused hand-over uses the permission of its source up, as a refused run does: its later run does not start the engine. Without
+/// the hand-over it does, the control.
+#[test]
+fn a_refused_hand_over_uses_up_the_permission() {
+    for hands_over in [true, false] {
+        let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
+        let streams = [(Command::Standby, Origin::Rc), (Command::Standby, Origin::Mavlink)];
+        both(&mut scenario, &streams, 2 * SECOND);
+        if hands_over {
+            let refused = scenario.command_from(Command::HandOverToPwm, Origin::Mavlink);
+            assert_eq!(refused, Err(Rejected::Behind(Origin::Rc)));
+        }
+        scenario.pass_us(600_000);
+        let answer = scenario.command_from(run(0), Origin::Mavlink);
+        assert_eq!(answer.is_err(), hands_over, "{answer:?}");
+        assert_eq!(matches!(scenario.order(), Order::Run(_)), !hands_over, "{}", scenario.order());
+    }
+}
+
+/// A source that is present and wants nothing counts as silent over resets, too: a loop too short to listen ends in standby. One that
+/// commands a run keeps it from that, the control.
+#[test]
+fn a_source_that_is_present_delays_no_standby_in_a_loop_of_resets() {
+    let config = Ecu::Zk.config();
+    for (command, ends) in [(None, true), (Some(Command::Present), true), (Some(run(80)), false)] {
+        let mut scenario = Scenario::started(Ecu::Zk, percent(80));
+        scenario.fly_us(run(80), Origin::Rc, 2 * SECOND);
+        let mut record = scenario.bench.machine.record().without_start();
+        let ended = (0..60).any(|_| {
+            let mut after = Scenario::after_reset(Ecu::Zk, config, Some(record));
+            after.pass_us(350_000);
+            if let Some(command) = command {
+                let _ = after.command(command);
+            }
+            after.pass_us(50_000);
+            record = after.bench.machine.record();
+            after.order() == Order::Standby
+        });
+        assert_eq!(ended, ends, "{command:?}");
+    }
+}
