@@ -54,7 +54,7 @@ impl Pin {
                 history.push((at, level));
             }
         };
-        for write in &report.written {
+        for write in &report.pins_written {
             while let Some(at) = resets.next_if(|at| *at <= write.at) {
                 (is_output, high) = (false, false);
                 change(at, is_output, high);

@@ -54,6 +54,7 @@ pub struct Report {
     pub taps: Vec<Tap>,
     /// What the core wrote to the recorded registers.
     pub written: Vec<Written>,
+    pub(crate) pins_written: Vec<Written>,
     /// When the core passed each watched label.
     pub passed: Vec<(Nanos, &'static str)>,
     /// When and why the part was reset.

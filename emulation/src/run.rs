@@ -67,7 +67,7 @@ impl Run {
             pulses: None,
             acts: Vec::new(),
             taps: Vec::new(),
-            registers: pins::registers(board),
+            registers: Vec::new(),
             labels: Vec::new(),
             until: SECOND,
             live: false,
@@ -312,6 +312,8 @@ impl Run {
             tapped: Vec::new(),
             registers: self.registers,
             written: Vec::new(),
+            of_pins: pins::registers(board),
+            pins_written: Vec::new(),
             labels,
             passed: Vec::new(),
             rtt,
@@ -347,6 +349,7 @@ impl Run {
             logs,
             taps: hand.tapped,
             written: hand.written,
+            pins_written: hand.pins_written,
             passed: hand.passed,
             resets,
             faults: hand.faults,
@@ -552,6 +555,9 @@ struct Hand {
     tapped: Vec<Tap>,
     registers: Vec<u64>,
     written: Vec<Written>,
+    /// The registers of the outputs' pins, which every run records for `valves`.
+    of_pins: Vec<u64>,
+    pins_written: Vec<Written>,
     labels: HashMap<u64, &'static str>,
     passed: Vec<(Nanos, &'static str)>,
     rtt: u64,
@@ -582,9 +588,15 @@ impl Driver<Rig> for Hand {
                         write,
                     });
                 }
-                if write && self.registers.contains(&access.address) {
-                    let (at, register) = (access.virtual_time.0, access.address);
-                    self.written.push(Written { at, register, value: access.value });
+                if write {
+                    let written =
+                        Written { at: access.virtual_time.0, register: access.address, value: access.value };
+                    if self.registers.contains(&access.address) {
+                        self.written.push(written);
+                    }
+                    if self.of_pins.contains(&access.address) {
+                        self.pins_written.push(written);
+                    }
                 }
                 if write {
                     let (at, address, value) = (access.virtual_time, access.address, access.value);

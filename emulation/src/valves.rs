@@ -149,7 +149,10 @@ mod tests {
     #[test]
     fn a_valve_that_opens_with_run_and_closes_with_stop_is_right() {
         assert_eq!(found(&[(1_999, OPEN), (10_005, SHUT)], &[], false), "");
-        assert_eq!(found(&[(1_999, OPEN), (5_000, Level::Floats), (5_003, OPEN), (10_005, SHUT)], &[5_000], false), "");
+        assert_eq!(
+            found(&[(1_999, OPEN), (5_000, Level::Floats), (5_003, OPEN), (10_005, SHUT)], &[5_000], false),
+            ""
+        );
     }
 
     #[test]

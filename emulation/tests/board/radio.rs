@@ -207,7 +207,9 @@ fn the_port_of_a_receiver_has_its_line_settings() {
 fn the_worst_reply_beside_a_busy_receiver_is_far_inside_the_window() {
     on_each_board(|board| {
         let without = [(BOTH[0], "no receiver")];
-        let with = BOTH.into_iter().flat_map(|which| ["usual pace", "line full", ALL_FULL].map(|load| (which, load)));
+        let with = BOTH
+            .into_iter()
+            .flat_map(|which| ["usual pace", "line full", ALL_FULL].map(|load| (which, load)));
         for ((protocol, image), load) in without.into_iter().chain(with) {
             let receiver = Receiver::new(protocol);
             let frame = receiver.frame();
