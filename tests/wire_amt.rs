@@ -388,7 +388,7 @@ fn read_errors_are_counted_and_survived() {
 /// AMT-1 and AMT-10 under noise both ways: whatever is on the wire is a message that was commanded, the engine
 /// recovers when the noise stops, and a damaged reply is the ECU's to refuse.
 #[test]
-fn amt_10_noise_never_makes_a_command_that_nobody_gave() {
+fn amt_10_noise_never_causes_an_unsolicited_command() {
     for seed in 0..8 {
         let bench = bench(2400, seed);
         bench.plug.record(true);

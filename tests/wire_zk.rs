@@ -442,7 +442,7 @@ fn a_cut_line_is_reported_once_and_comes_back() {
 
 /// ZK-16 and ZK-1 under noise both ways: nothing on the wire that nobody commanded, and recovery.
 #[test]
-fn zk_16_noise_never_makes_a_command_that_nobody_gave() {
+fn zk_16_noise_never_causes_an_unsolicited_command() {
     for seed in 0..8 {
         let config = EngineConfig::zk("zk", 0, Line::new(9600), Rate::Hz50);
         let ecu = ZkConfig::new(4).on(sim::line_of!(config.line));

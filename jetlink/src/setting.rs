@@ -358,7 +358,7 @@ pub mod kind {
 
     macro_rules! kind {
         ($name:ident, $type:ty, $unit:ident, |$of:ident| $number:expr, |$value:ident| $make:expr) => {
-            #[allow(dead_code, reason = "some kinds stand only inside of an optional one")]
+            #[allow(dead_code, reason = "some kinds occur only inside an optional one")]
             pub mod $name {
                 #[allow(unused_imports, reason = "not every kind needs all of them")]
                 use super::{I16, OFF, PER_MILLE, U8, U16, U31, clamp, within};

@@ -31,10 +31,10 @@ impl Alternation {
         let before = self.last.replace(us).unwrap_or(us);
         if us.abs_diff(before) >= STROKE {
             let up = us > before;
-            let goes_on = self
+            let alternates = self
                 .stroke
                 .is_some_and(|(at, was_up)| up != was_up && now.saturating_duration_since(at) <= FAST);
-            self.row = if goes_on { self.row.saturating_add(1) } else { 1 };
+            self.row = if alternates { self.row.saturating_add(1) } else { 1 };
             self.stroke = Some((now, up));
             if self.row >= MOST {
                 self.until = Some(now + SILENT);

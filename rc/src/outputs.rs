@@ -254,7 +254,7 @@ impl Outputs {
                 self.for_service = true;
                 open(Why::Service)
             }
-            // The ECU may go on with a service by its own clock.
+            // The ECU may continue a service by its own clock.
             Order::Standby if self.for_service && telemetry.shaft_turns() != Some(true) => {
                 closed(Why::ServiceOver)
             }

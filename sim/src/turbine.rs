@@ -253,7 +253,7 @@ impl Turbine {
         self.trip = None;
     }
 
-    /// Reason why it stopped by itself.
+    /// Reason for its uncommanded shutdown.
     pub fn trip(&self) -> Option<Trip> {
         self.trip
     }

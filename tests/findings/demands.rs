@@ -237,7 +237,7 @@ fn demand_rises_at_a_rate_when_the_failure_of_another_engine_clears() {
     assert_reaches(&demands, 1.0);
 }
 
-/// In normal flight the stick rules, as fast as it is moved.
+/// In normal flight the demand follows the stick as fast as it is moved.
 #[test]
 fn demand_follows_the_stick_at_once_in_normal_flight() {
     for mut world in both() {

@@ -398,7 +398,7 @@ impl Paths<'_> {
         }
     }
 
-    /// The paths in what a macro is given, or is made of. `before`: the path of the braces that they stand in; `depth`: how many
+    /// The paths in what a macro is given, or is made of. `before`: the path of the braces around them; `depth`: how many
     /// modules of the macro.
     fn tokens(&mut self, tokens: TokenStream, before: &[String], depth: usize) {
         let mut path = before.to_vec();

@@ -37,7 +37,7 @@ pub struct Names<'a> {
     pub serial_number: &'a str,
 }
 
-/// Tells the connection what the host does.
+/// Reports to the connection what the host does.
 struct Watch<'a>(&'a Connection);
 
 impl Handler for Watch<'_> {

@@ -34,7 +34,7 @@ pub fn listed(head: &str, names: &[String], width: usize, mark: char) -> String 
     first_that_fits(&texts, width, mark)
 }
 
-/// Units that stand behind a number, after a space.
+/// Units that follow a number, after a space.
 const UNITS: [&str; 19] = [
     "%", "°C", "°C/s", "C", "rpm", "rpm/s", "s", "ms", "µs", "us", "mV", "V", "mA", "A", "Pa", "g", "Hz",
     "L", "L/min",

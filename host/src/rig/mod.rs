@@ -274,8 +274,8 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
     let (outcomes, shown) = std::thread::scope(|scope| {
         let (sender, receiver) = mpsc::sync_channel(MESSAGES);
         let shower = scope.spawn(move || show.run(&receiver));
-        let go_on = |message| sender.send(message).is_ok() && end.requested().is_none();
-        let outcomes = session::run(&order.setup, &mut *control, go_on);
+        let continues = |message| sender.send(message).is_ok() && end.requested().is_none();
+        let outcomes = session::run(&order.setup, &mut *control, continues);
         drop(sender);
         (outcomes, shower.join().unwrap_or_else(|_| Ended::panicked()))
     });

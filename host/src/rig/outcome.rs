@@ -40,7 +40,7 @@ pub struct Outcome {
     pub ecu: Counts,
     /// What was seen on the line.
     pub audit: Audit,
-    /// How often the engine stopped by itself.
+    /// Number of uncommanded shutdowns of the engine.
     pub stops: u32,
     /// From the end of the last fault until the link was up.
     pub recovered_after: Option<Duration>,

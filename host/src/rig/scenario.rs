@@ -188,7 +188,7 @@ pub static ALL: &[Scenario] = &[
     },
     Scenario {
         name: "stop-release-arm-start",
-        line: "emergency stop, release, arm, start: a source that kept saying arm has to say disarm first",
+        line: "emergency stop, release, arm, start: a source that keeps commanding arm must disarm first",
         engines: PAIR,
         length: 260,
         bad_commands: 1,

@@ -274,8 +274,8 @@ impl<'a> World<'a> {
                 }
                 turn.wishes.into_iter().for_each(|(engine, wish)| self.player.wish(engine, wish));
                 let passing = turn.passing.map(Message::Passing);
-                let go_on = self.notes.take().into_iter().map(Message::from).chain(passing).all(&mut *show);
-                if turn.end || !go_on {
+                let continues = self.notes.take().into_iter().map(Message::from).chain(passing).all(&mut *show);
+                if turn.end || !continues {
                     return self.ended(complete, turn.over);
                 }
                 if turn.over && !shown_over {

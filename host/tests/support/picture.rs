@@ -5,7 +5,7 @@ mod font;
 
 use roxmltree::{Document, Node};
 
-/// Lines that only help: a text may stand on them.
+/// Lines that only help: a text may lie on them.
 const GRID: [&str; 2] = ["#dddddd", "#30363d"];
 /// A letter's height above the line of writing and below it, in parts of the font's size.
 const ASCENT: f64 = 0.75;
@@ -149,7 +149,7 @@ const STAGE_NAMES: [&str; 10] =
     ["standby", "start", "idle", "steps", "cooling", "done", "failed", "event", "played", "commanded"];
 /// A gap that is no wider need not be named.
 const SHORTEST_GAP: f64 = 4.1;
-/// Where the time axis of a plot ends, and the size of the texts that stand over it.
+/// Where the time axis of a plot ends, and the size of the texts above it.
 const RIGHT: f64 = 1220.0;
 const SMALL: &str = "13";
 

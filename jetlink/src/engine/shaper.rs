@@ -109,8 +109,8 @@ impl Shaper {
         }
     }
 
-    /// Goes on from what was sent in place of a demand that the ECU cannot take: what it can take later must not jump, and without
-    /// a source does not rise.
+    /// Restarts from the substitute demand that was sent because the ECU cannot take the commanded one: what it can take later must
+    /// not jump, and without a source does not rise.
     pub fn replace(&mut self, now: Instant, sent: Demand) {
         self.moving = Moving::new(now, sent);
         self.rising = true;

@@ -44,7 +44,7 @@ fn throttle(scenario: &Scenario) -> u16 {
     }
 }
 
-/// The throttles of frames that all say run, in tenths of a percent.
+/// Throttles of frames that all carry run, in tenths of a percent.
 fn throttles(sent: &[Wire]) -> Vec<u16> {
     let tenths = |wire: &Wire| match *wire {
         Wire::Run(tenths) => tenths,

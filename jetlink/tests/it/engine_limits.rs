@@ -58,7 +58,7 @@ fn reported_after(scenario: &mut Scenario, frames: u32, values: Values) -> Vec<(
     scenario.fly_us(run(50), Origin::Rc, u64::from(frames) * FRAME_PERIOD_US);
     scenario.values = before;
     scenario.fly_us(run(50), Origin::Rc, 2 * SECOND);
-    scenario.passed().into_iter().map(|passed| (passed.kind, passed.value, passed.limit)).collect()
+    scenario.violations().into_iter().map(|violation| (violation.kind, violation.value, violation.limit)).collect()
 }
 
 /// Two values in a row beyond a limit are reported, with both numbers; one is not; and a value at the limit never.
@@ -136,9 +136,9 @@ fn a_limit_is_reported_with_its_time() {
         for i in 1..=3 {
             scenario.bench.rx_at_us(from + i * 70_000, &ecu.frame(Reports::Running, values));
         }
-        let passed = scenario.passed();
-        assert_eq!(passed.len(), 1);
-        assert_eq!(passed[0].at, at_us(from + 140_000), "{ecu:?}");
+        let violations = scenario.violations();
+        assert_eq!(violations.len(), 1);
+        assert_eq!(violations[0].at, at_us(from + 140_000), "{ecu:?}");
     }
 }
 
@@ -188,14 +188,14 @@ fn a_hot_start_is_a_fast_rise_of_temperature_in_a_start() {
                 }
                 scenario.pass_us(FRAME_PERIOD_US);
             }
-            let passed = scenario.passed();
+            let violations = scenario.violations();
             if reported {
-                assert_eq!(passed.len(), 1, "{ecu:?} {rate}");
-                assert_eq!((passed[0].kind, passed[0].limit), (LimitKind::HotStart, 200));
-                // Soon after it passed the limit.
-                assert!((201..=rate).contains(&passed[0].value), "{:?}", passed[0]);
+                assert_eq!(violations.len(), 1, "{ecu:?} {rate}");
+                assert_eq!((violations[0].kind, violations[0].limit), (LimitKind::HotStart, 200));
+                // Soon after it exceeded the limit.
+                assert!((201..=rate).contains(&violations[0].value), "{:?}", violations[0]);
             } else {
-                assert_eq!(passed, [], "{ecu:?} {rate} {reports:?}");
+                assert_eq!(violations, [], "{ecu:?} {rate} {reports:?}");
             }
         }
         // One odd frame, hot or cold, at whatever phase of the sampling, is no hot start.
@@ -513,7 +513,7 @@ fn a_lower_demand_is_obeyed_on_the_way_to_the_fail_safe_of_a_limit() {
     }
 }
 
-/// A limit with an action that is passed refuses a start; one that is only reported does not.
+/// A limit with an action refuses a start while it is exceeded; one that is only reported does not.
 #[test]
 fn a_violated_limit_refuses_a_start() {
     for (action, expected) in [

@@ -187,8 +187,8 @@ fn a_stream_of_run_alone_starts_nothing() {
     }
 }
 
-/// A source that said armed before an emergency stop has to say disarmed first; where another one has armed meanwhile, that keeps it from
-/// no start.
+/// A source that commanded armed before an emergency stop has to command disarmed first. Where another source has armed meanwhile, this
+/// prevents no start.
 #[test]
 fn disarm_first_is_announced_only_while_nobody_else_has_armed() {
     for ecu in BOTH {
@@ -449,7 +449,7 @@ fn a_refusal_is_typed_counted_and_reported_once() {
 // The start
 // ---------------------------------------------------------------------------------------------
 
-/// One standby allows one start, and an engine that stopped by itself is not restarted by a stream of run.
+/// One standby allows one start, and an engine after an uncommanded shutdown is not restarted by a stream of run.
 #[test]
 fn an_engine_that_stopped_is_not_restarted_by_a_stream_of_run() {
     for ecu in BOTH {
@@ -588,13 +588,13 @@ fn a_start_times_out_exactly_to_the_tick() {
             scenario.pass_us(1);
             let ordered = scenario.telemetry().ordered;
             assert_eq!((ordered.order, ordered.origin), (Order::Standby, Origin::Node));
-            let passed = scenario.passed();
-            assert_eq!(passed.len(), 1, "{ecu:?}");
+            let violations = scenario.violations();
+            assert_eq!(violations.len(), 1, "{ecu:?}");
             assert_eq!(
-                (passed[0].kind, passed[0].value, passed[0].limit),
+                (violations[0].kind, violations[0].value, violations[0].limit),
                 (LimitKind::StartTimeout, 20_000, 20_000)
             );
-            assert_eq!(passed[0].at, at_us(start + 20 * SECOND));
+            assert_eq!(violations[0].at, at_us(start + 20 * SECOND));
             assert_eq!(scenario.command(run(0)), Err(Rejected::StandbyFirst));
         }
         // The control: it runs in time, and that is that.
@@ -625,10 +625,10 @@ fn a_start_times_out_after_twice_the_ecus_own_start_up_time() {
     scenario.bench.events();
     scenario.pass_us(1);
     assert_eq!(scenario.order(), Order::Standby);
-    let passed = scenario.passed();
+    let violations = scenario.violations();
     let limit = i32::try_from(twice / 1000).unwrap();
-    assert_eq!((passed[0].kind, passed[0].value, passed[0].limit), (LimitKind::StartTimeout, limit, limit));
-    assert_eq!(passed[0].at, at_us(start + twice));
+    assert_eq!((violations[0].kind, violations[0].value, violations[0].limit), (LimitKind::StartTimeout, limit, limit));
+    assert_eq!(violations[0].at, at_us(start + twice));
 }
 
 /// Not for shorter than an engine can start in, and not without end: the range of the configured time.

@@ -133,7 +133,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
                 continue;
             };
             let place = list.place.checked_sub(1).map_or(Place::Node, Place::Engine);
-            let going_on = if self.send_parameter(now, port, place, list.index.into()) {
+            let continues = if self.send_parameter(now, port, place, list.index.into()) {
                 list.index = list.index.saturating_add(1);
                 true
             } else {
@@ -143,7 +143,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
             let bytes = PARAMETER_BYTES + self.signing.overhead();
             if let Some(port) = self.ports.get_mut(port) {
                 list.next = now + LIST_EVERY.max(port.quarter(bytes));
-                port.list = going_on.then_some(list);
+                port.list = continues.then_some(list);
             }
         }
         self.ports.iter().filter_map(|port| port.list).map(|list| list.next).min()

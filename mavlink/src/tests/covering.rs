@@ -113,7 +113,7 @@ fn what_acts_waits_until_its_stamp_is_stored_and_what_stops_or_reads_does_not() 
         world.pass(0.05).await;
         assert_eq!((answers(world, at).0.len(), world.telemetry(0).ordered.order), (0, Order::Standby));
         let stamp = world.stamp.get();
-        // Others go on meanwhile.
+        // Other commands are obeyed meanwhile.
         assert_eq!(world.command(ENGINE[1], CMD_REQUEST_MESSAGE, &[225.0]).await.0, ACCEPTED);
         save(world, &mut store);
         world.pass(0.1).await;
@@ -271,7 +271,7 @@ fn a_replay_after_a_loss_of_power_starts_nothing_and_a_new_start_does() {
     let old = SigningState::new(key(7), before_all());
     for (state, counts) in [(state, false), (old, true)] {
         run_stored(state, async |world| {
-            // The clock of the others has gone on meanwhile.
+            // The clock of the others has advanced meanwhile.
             world.stamp.set(SENDERS_STAMP + 100 * 100_000);
             world.service.borrow_mut().set_keeping(Keeping::Lost);
             world.plane.alive.set(false);

@@ -370,8 +370,8 @@ fn after_a_reset_the_valve_is_open_only_for_an_engine_that_ran_under_an_order_to
         for ran in [false, true] {
             for armed in [false, true] {
                 let record = RetainedState { ran, armed, ..RetainedState::new(order, Origin::Rc) };
-                let going_on = ran && !matches!(order, Order::EmergencyStop | Order::Standby);
-                let valve = if going_on { Valve::Open } else { Valve::Closed };
+                let continues = ran && !matches!(order, Order::EmergencyStop | Order::Standby);
+                let valve = if continues { Valve::Open } else { Valve::Closed };
                 let power = armed || ran || order == Order::EmergencyStop;
                 assert_eq!(after(Some(record)), (valve, power), "{order}, ran {ran}");
                 // What a brown-out leaves of it.

@@ -233,7 +233,7 @@ impl Director {
         }
     }
 
-    /// What a limit is passed with, and then less, and a reset.
+    /// A demand at which a limit is exceeded, then a lower one, and a reset.
     fn full_throttle(&self, rng: &mut Rng) -> Vec<Step> {
         let mut steps = vec![stream(self.main, throttle(1000)), Step::Wait(rng.between(8, 14) * SECOND)];
         match rng.below(3) {

@@ -39,7 +39,7 @@ pub enum Rule {
     HeldDown,
     /// Nor above it, whatever limits it.
     HeldUp,
-    /// A limit that is passed has its action.
+    /// A limit that is exceeded has its action.
     Limit,
     /// A demand is reduced while another engine has failed, where that is configured.
     Reduction,

@@ -123,13 +123,13 @@ impl CommandLog {
     }
 
     /// The last run of a source that had commanded without a gap for this long.
-    pub fn in_control_for_sure(&self, source: usize, at: u64, for_so_long: u64) -> Option<u64> {
+    pub fn in_control_for_sure(&self, source: usize, at: u64, streamed: u64) -> Option<u64> {
         let gaps = &self.gaps[source];
         self.until(source, at).iter().rev().take(4000).find_map(|&(when, command)| {
             // After a reset a source that was lost has to command anew.
             let reset = self.ups[..self.ups.partition_point(|up| *up <= when)].last().copied().unwrap_or(0);
             let since = gaps[..gaps.partition_point(|after| *after <= when)].last()?.max(&reset);
-            (matches!(command, PilotCommand::Run(_)) && when >= since + for_so_long).then_some(when)
+            (matches!(command, PilotCommand::Run(_)) && when >= since + streamed).then_some(when)
         })
     }
 

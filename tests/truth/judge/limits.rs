@@ -38,15 +38,15 @@ impl Case<'_> {
         }
     }
 
-    /// A limit that was passed for long enough has its action on the wire.
+    /// A limit that was exceeded for long enough has its action on the wire.
     fn limit(&mut self, standby: bool, what: &str, beyond: impl Fn(&Sample) -> bool) {
         let rules = self.h.rules;
         let fall = 1000 * SECOND / u64::from(rules.ramp.min(rules.slew_down.unwrap_or(rules.ramp)).max(1));
         let acts = REPORTED + if standby { SECOND } else { fall + SECOND };
         let hidden =
             self.blind.union(&self.h.noise).union(&self.down).union(&self.h.sensor).longer(2 * SECOND);
-        let passed = self.h.times(|sample| sample.runs() && beyond(sample));
-        for (from, to) in passed.at_least(acts).iter() {
+        let exceeded = self.h.times(|sample| sample.runs() && beyond(sample));
+        for (from, to) in exceeded.at_least(acts).iter() {
             let at = from + acts;
             if hidden.touches(from.saturating_sub(SECOND), at + 1)
                 || self.h.pwm.contains(at)

@@ -233,7 +233,7 @@ impl Case<'_> {
         if tenths > most {
             return Some(format!("the stream has {}", Demanded::Throttle(most)));
         }
-        // A frame may stand before the heartbeat in what is read at one instant.
+        // A frame may precede the heartbeat in what is read at one instant.
         let disarmed =
             words.shows(earliest.saturating_sub(1)) == Some(false) && words.shows(at) == Some(false);
         (tenths > 0 && disarmed && !words.may_show(earliest, at, true))

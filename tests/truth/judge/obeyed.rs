@@ -147,7 +147,7 @@ impl Case<'_> {
     pub(super) fn granted(&mut self) {
         let h = self.h;
         let rules = &h.rules;
-        // Another engine may start, or a limit be passed.
+        // Another engine may start, or a limit be exceeded.
         if rules.start_wait > 0 || rules.limit_fault.is_some() || rules.limit_change.is_some() {
             return;
         }
@@ -195,7 +195,7 @@ impl Case<'_> {
             let services = services.clone().any(|commanded| {
                 matches!(commanded.command, PilotCommand::Service(_) | PilotCommand::Pwm | PilotCommand::Ctf)
             });
-            // An AMT ECU has no state for cooling: the shaft has to stand.
+            // An AMT ECU has no state for cooling: the shaft has to be at rest.
             let most = if self.is_amt() { 200.0 } else { 10_000.0 };
             let still = h.samples(at.saturating_sub(SECOND), at).iter().all(|sample| sample.rpm < most);
             if !(settled && clear && quiet && armed && cold && still)

@@ -388,7 +388,7 @@ fn a_limit_holds_the_demand_of_an_engine_that_was_lit_again() {
 }
 
 #[test]
-fn a_limit_that_is_passed_has_its_action() {
+fn a_limit_that_is_exceeded_has_its_action() {
     let story = |tenths, egt, standby| {
         flight(ZK5, 40.0)
             .streams(PILOT, 40.0, 60.0, PilotCommand::Run(Demanded::Throttle(500)))

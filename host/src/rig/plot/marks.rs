@@ -32,7 +32,7 @@ impl Mark {
         if self.at_left { (self.x - wide, self.x) } else { (self.x, self.x + wide) }
     }
 
-    /// Whether both can stand where they are. One without a name is below all names.
+    /// Whether both fit where they are. One without a name is below all names.
     fn goes_with(&self, other: &Self) -> bool {
         let (Some(lane), Some(of_other)) = (self.lane, other.lane) else { return true };
         let (span, span_of_other) = (self.span(), other.span());

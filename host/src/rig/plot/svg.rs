@@ -99,7 +99,7 @@ impl Svg {
         }
     }
 
-    /// A straight line of the grid: a text may stand on it.
+    /// A straight line of the grid: a text may lie on it.
     pub fn grid(&mut self, from: (f64, f64), to: (f64, f64), color: &str) {
         self.polyline(&[from, to], color, 1.0, Stroke::Solid);
     }

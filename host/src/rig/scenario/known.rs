@@ -104,7 +104,7 @@ pub async fn hot_start(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.mark("the ECU stops the hot start; run is still commanded");
     let tripped = c.now();
     let reported =
-        c.reported(0, |event| matches!(event, Event::Limit(passed) if passed.kind == LimitKind::HotStart));
+        c.reported(0, |event| matches!(event, Event::Limit(violation) if violation.kind == LimitKind::HotStart));
     c.must(reported, "left: the hot start was reported before the ECU stopped it");
     c.sleep(10.0).await;
     c.ecu(0, |ecu| ecu.turbine_mut().hot_start(false));
@@ -181,7 +181,7 @@ pub async fn flame_out(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.look();
     let reported = c.when_reported(
         0,
-        |event| matches!(event, Event::Limit(passed) if passed.kind == LimitKind::FlameOut),
+        |event| matches!(event, Event::Limit(violation) if violation.kind == LimitKind::FlameOut),
     );
     c.must(
         reported.is_some_and(|at| at - out <= 3 * SECOND),
@@ -223,7 +223,7 @@ pub async fn flame_out(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.look();
     let reported = c.when_reported(
         1,
-        |event| matches!(event, Event::Limit(passed) if passed.kind == LimitKind::FlameOut),
+        |event| matches!(event, Event::Limit(violation) if violation.kind == LimitKind::FlameOut),
     );
     c.must(
         reported.is_some_and(|at| at - out <= 3 * SECOND),

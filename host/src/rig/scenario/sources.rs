@@ -189,7 +189,7 @@ pub async fn stop_release_arm_start(c: &ScenarioContext<'_>) -> Result<(), Strin
         c.must(released.get(i) == Some(&Some(Ok(Accepted::InForce))), format!("{name}: released"));
         c.must(
             armed_again.get(i) == Some(&Some(Err(Rejected::DisarmFirst))),
-            format!("{name}: a source that kept saying arm has to say disarm first"),
+            format!("{name}: a source that keeps commanding arm must disarm first"),
         );
         c.must(
             refused.get(i).and_then(|answers| answers.first()) == Some(&Some(Err(Rejected::DisarmFirst))),

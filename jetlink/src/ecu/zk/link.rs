@@ -277,7 +277,7 @@ impl Link for ZkLink {
             return Ok(());
         }
         // It needed a stopped engine, and must not be sent later.
-        if !self.modes.stands_by() {
+        if !self.modes.is_standby() {
             self.service.cancel(&mut self.outbox);
         }
         self.pump.let_order_pass();
@@ -299,7 +299,7 @@ impl Link for ZkLink {
     fn service(&mut self, now: Instant, service: AnyService) -> Result<(), Rejected> {
         let AnyService::Zk(service) = service else { return Err(Rejected::NotSupported) };
         let control = service.control();
-        if service.needs_stopped_engine() && !self.modes.stands_by() {
+        if service.needs_stopped_engine() && !self.modes.is_standby() {
             return Err(Rejected::NotStopped);
         }
         self.require(control.min_version())?;

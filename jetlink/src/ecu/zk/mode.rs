@@ -214,7 +214,7 @@ impl Modes {
     }
 
     /// Whether standby is ordered.
-    pub const fn stands_by(&self) -> bool {
+    pub const fn is_standby(&self) -> bool {
         matches!(self.mode, Mode::Standby { .. })
     }
 

@@ -380,16 +380,16 @@ impl Scenario {
         self.bench.bytes().into_iter().filter_map(|bytes| Wire::read(ecu, &bytes)).collect()
     }
 
-    /// The limits that were reported since the last call; other events are dropped.
+    /// The limits that were violated since the last call; other events are dropped.
     pub fn limits(&mut self) -> Vec<LimitKind> {
-        self.passed().into_iter().map(|passed| passed.kind).collect()
+        self.violations().into_iter().map(|violation| violation.kind).collect()
     }
 
-    pub fn passed(&mut self) -> Vec<LimitViolation> {
+    pub fn violations(&mut self) -> Vec<LimitViolation> {
         self.bench
             .event_kinds()
             .into_iter()
-            .filter_map(|event| if let Event::Limit(passed) = event { Some(passed) } else { None })
+            .filter_map(|event| if let Event::Limit(violation) = event { Some(violation) } else { None })
             .collect()
     }
 }
