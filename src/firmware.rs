@@ -93,7 +93,7 @@ fn main() -> ! {
         board.reset_cause.text()
     );
     if board.oscillator == Oscillator::Internal {
-        defmt::error!("the crystal does not run: on the chip's own oscillator");
+        defmt::error!("crystal not running, using the internal oscillator");
     }
     log_ports();
     crate::outputs::buzz(false);
@@ -275,7 +275,7 @@ async fn status(node: &'static Node<N>, mut led: Led, starting: u32) {
             shows = shows.max(telemetry.indication());
         }
         if node.health().clock == ClockSource::Internal {
-            defmt::info!("board: no crystal, all baud rates come from the chip's own oscillator");
+            defmt::info!("board: no crystal, all baud rates come from the internal oscillator");
         }
         let deepest = board::stack::deepest();
         if deepest > logged {

@@ -129,14 +129,14 @@ pub fn load(settings: &mut Settings) {
             SETTINGS.load(fingerprint(&ENGINES), &mut |key, record| settings.apply(key, record));
     }
     match (found, settings.retained) {
-        (Found::Whole, _) => defmt::info!("settings: as stored"),
+        (Found::Whole, _) => defmt::info!("settings: loaded from storage"),
         (Found::Empty, true) => {
-            defmt::info!("settings: this board stores none, those of before the reset count")
+            defmt::info!("settings: no storage on this board, using the values retained over the reset")
         }
-        (Found::Empty, false) if stores => defmt::info!("settings: none are stored"),
-        (Found::Empty, false) => defmt::info!("settings: this board stores none"),
-        (Found::Damaged, true) => defmt::error!("settings: DAMAGED, those of before the reset count"),
-        (Found::Damaged, false) => defmt::error!("settings: DAMAGED, the defaults count"),
+        (Found::Empty, false) if stores => defmt::info!("settings: none stored, using defaults"),
+        (Found::Empty, false) => defmt::info!("settings: no storage on this board, using defaults"),
+        (Found::Damaged, true) => defmt::error!("settings: DAMAGED, using the values retained over the reset"),
+        (Found::Damaged, false) => defmt::error!("settings: DAMAGED, using defaults"),
     }
     settings.store = store;
     settings.found = found;

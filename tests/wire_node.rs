@@ -380,7 +380,7 @@ fn a_failure_is_reported_again_after_a_reset() {
     }
 }
 
-/// A transmitter that hangs for 1 s: the runner gives the port back to be opened anew, and the engine continues at its
+/// A transmitter that hangs for 1 s: the runner gives the port back to be reopened, and the engine continues at its
 /// demand. One that hangs for less is left alone.
 #[test]
 fn a_stuck_transmitter_is_given_back_to_be_opened_anew() {

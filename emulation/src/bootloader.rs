@@ -53,7 +53,7 @@ pub enum Leftover {
     WatchdogCrossing,
     /// VTOR is still the bootloader's: not ArduPilot's, but ST's own loader after a "leave".
     Vtor,
-    /// PX4's: the core is back on the chip's own oscillator, the PLLs and the crystal are off, the dividers of the buses and the
+    /// PX4's: the core is back on the internal oscillator, the PLLs and the crystal are off, the dividers of the buses and the
     /// flash's wait states are not put back (`clock_deinit`).
     HalfResetClocks,
     /// PX4's: AHB1ENR is 0, or what a reset leaves there; on an F427 no GPIO port has a clock (`board_deinit`).

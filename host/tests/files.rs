@@ -296,7 +296,7 @@ fn a_signal_ends_the_wait_for_the_reader_of_a_fifo() {
         let sent = Command::new("kill").arg(rig.0.id().to_string()).status();
         assert!(sent.expect("kill").success());
         let ended = line();
-        assert!(ended.ends_with("the run was ended while nobody read it"), "{option}: {ended}");
+        assert!(ended.ends_with("the run ended before a reader opened the pipe"), "{option}: {ended}");
         wait::wait_until("the end", PATIENCE, || rig.0.try_wait().expect("a status").is_some());
         let ended = rig.0.wait().expect("a status");
         assert_eq!(ended.code(), Some(status), "{option}");

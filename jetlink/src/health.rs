@@ -12,7 +12,7 @@ pub enum ClockSource {
     Unknown,
     /// The board's crystal or external clock.
     Crystal,
-    /// The chip's own oscillator, because the crystal does not run: wrong by 1 % or more, depending on temperature.
+    /// The internal oscillator, because the crystal does not run: wrong by 1 % or more, depending on temperature.
     Internal,
 }
 

@@ -39,7 +39,7 @@ impl Transmission {
         Self { bytes, len: N as u8, has_demand: true, start_by }
     }
 
-    /// Sets whether it carries the demand of the order in force, as most do: of one that does not, the ECU learns no demand.
+    /// Sets whether it carries the demand of the order in force, as most do: a frame without one leaves the ECU's demand unchanged.
     pub const fn with_demand(self, has_demand: bool) -> Self {
         Self { has_demand, ..self }
     }
@@ -244,7 +244,7 @@ pub struct ServiceFrames {
     pub pump_is_open: bool,
 }
 
-/// How many bytes ago the UART last reported a line error: what a frame says in which it reported one does not count.
+/// How many bytes ago the UART last reported a line error: frames that overlap a line error are discarded.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Damage {
     /// In the bytes of the next read, or in those that are left of this one. The UART does not report in which.

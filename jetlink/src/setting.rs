@@ -314,7 +314,7 @@ pub enum SettingError {
     Unknown,
     /// The value is outside of the range.
     OutOfRange(&'static Setting),
-    /// It belongs to a function that is off: turn that on first.
+    /// Its function is disabled: enable that first.
     Off(&'static Setting),
 }
 
@@ -322,7 +322,7 @@ sentences!(SettingError {
     Self::Unknown => "no setting has this name: see the table of settings";
 } {
     Self::OutOfRange(setting) => "{}: {}", setting.name, setting.message;
-    Self::Off(setting) => "{}: what it belongs to is off: turn that on first", setting.name;
+    Self::Off(setting) => "{}: its function is disabled: enable it first", setting.name;
 });
 
 impl core::error::Error for SettingError {}

@@ -110,10 +110,10 @@ impl core::fmt::Display for Refusal {
             }
             Self::Stopped => f.write_str("stopped since: this start is a repeat, send a new one after 5 s"),
             Self::Repeated => {
-                f.write_str("as the same start less than 5 s ago: wait for 5 s, then try again")
+                f.write_str("repeated within 5 s of the refused one, wait 5 s")
             }
             #[cfg(feature = "signing")]
-            Self::OnlyByUsb => f.write_str("set it by USB: elsewhere it can be read on its way"),
+            Self::OnlyByUsb => f.write_str("set the key over USB: other links can be overheard"),
             Self::Turns => f.write_str("an engine turns or is ordered to run: stop it first"),
             Self::UnknownSetting => f.write_str("no parameter has this name"),
             Self::OutOfRange(row) => {

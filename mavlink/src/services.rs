@@ -48,7 +48,7 @@ pub const TABLE: [Row; 10] = [
     Row {
         number: 30,
         params: "param2 = 21196",
-        text: "To the node, with all engines at rest: where the stored settings were damaged, those of now are right and are stored. Only by USB.",
+        text: "To the node, with all engines at rest: accept the current settings and store them, after the stored ones were found damaged. Only over USB.",
     },
     Row {
         number: 40,
@@ -58,7 +58,7 @@ pub const TABLE: [Row; 10] = [
     Row {
         number: 41,
         params: "",
-        text: "End it: RC_THR_MIN and RC_THR_MAX become what was seen, and are stored.",
+        text: "Finish: store the observed end points in RC_THR_MIN and RC_THR_MAX.",
     },
 ];
 

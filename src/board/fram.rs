@@ -27,15 +27,15 @@ pub fn storage_in(mut device: Device) -> Option<Storage> {
             Some(fram)
         }
         Err(NotUsed::Unknown(id)) => {
-            defmt::warn!("settings: no F-RAM that is known, it reads {=[u8]:02x}", id);
+            defmt::warn!("settings: unknown F-RAM, ID {=[u8]:02x}", id);
             None
         }
         Err(NotUsed::Protected) => {
-            defmt::warn!("settings: the F-RAM is protected by its pin");
+            defmt::warn!("settings: F-RAM write-protected by its pin");
             None
         }
         Err(NotUsed::Bus) => {
-            defmt::warn!("settings: the bus of the F-RAM fails");
+            defmt::warn!("settings: F-RAM bus error");
             None
         }
     }

@@ -62,7 +62,7 @@ impl EcuPort {
         loop {
             let Self { rx, tx, errors, format, place, opener } = self;
             runner.run_until_stuck(rx, tx, errors).await;
-            defmt::error!("nothing comes out of a transmitter: its port is opened anew");
+            defmt::error!("transmitter stuck, reopening its port");
             // SAFETY: both halves were moved into the run, which is over and has dropped them: the driver is closed.
             self = unsafe { open(format, place, opener) };
         }

@@ -103,7 +103,7 @@ pub fn measure(cause: ResetCause) {
 
 /// Lets the watchdog run out, and stores the time that has passed.
 fn run_out(round: u32) -> ! {
-    defmt::info!("selftest: round {=u32}, the watchdog is left to run out", round);
+    defmt::info!("selftest: round {=u32}, waiting for the watchdog to expire", round);
     RECORD.round.set(MAGIC + round);
     watchdog::watch(Pr::from_bits(0), RELOAD);
     let begun = Instant::now();

@@ -41,7 +41,7 @@ pub enum Off {
     Supply,
     /// This is no version of the controller that the driver knows.
     Unknown(u32),
-    /// The controller does not get ready.
+    /// The controller does not become ready.
     Busy,
 }
 
@@ -49,12 +49,12 @@ impl Off {
     /// Logs it.
     pub fn log(self) {
         match self {
-            Self::Clock => defmt::error!("USB: off, without the crystal its clock is not exact enough"),
-            Self::Supply => defmt::error!("USB: off, its supply (VDD33USB) does not get ready"),
+            Self::Clock => defmt::error!("USB disabled: clock too inaccurate without the crystal"),
+            Self::Supply => defmt::error!("USB disabled: VDD33USB not ready"),
             Self::Unknown(version) => {
-                defmt::error!("USB: off, its controller is not known: it reads {=u32:#x}", version)
+                defmt::error!("USB disabled: unknown controller, ID {=u32:#x}", version)
             }
-            Self::Busy => defmt::error!("USB: off, its controller does not get ready"),
+            Self::Busy => defmt::error!("USB disabled: controller not ready"),
         }
     }
 }

@@ -107,7 +107,7 @@ fn run_ends_when_the_flame_goes_out_with_error_sets() {
 
 /// An ECU that forgets its fault by itself after a minute and obeys whatever it is sent then.
 #[test]
-fn run_of_before_a_flame_out_does_not_meet_the_ecu_when_its_fault_clears() {
+fn old_run_is_not_sent_after_fault_clears() {
     let temper = AmtTemper {
         trips_clear_after: Some(60 * SECOND),
         starts_hot: true,

@@ -8,7 +8,7 @@ use emulation::{Bench, Board, Fate, Image, Run};
 use sim::ecu::{MILLIS, SECOND};
 
 /// The firmware's log line at a start without its crystal.
-pub const WITHOUT: &str = "the crystal does not run: on the chip's own oscillator";
+pub const WITHOUT: &str = "crystal not running, using the internal oscillator";
 
 #[test]
 fn a_crystal_that_is_dead_at_a_reset_costs_no_engine() {

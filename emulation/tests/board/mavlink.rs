@@ -449,7 +449,7 @@ fn settings_of_radio_control_are_set_stored_and_used() {
             assert_eq!(client.value(LEFT, name), Some(number), "{name}; {texts}");
         }
         assert_eq!(client.value(LEFT, "RC_SW_CH"), Some(5.0), "{texts}");
-        assert!(report.logged("settings: as stored"), "{texts}");
+        assert!(report.logged("settings: loaded from storage"), "{texts}");
         let commands = &report.ecu::<AmtEcu>(amt).commands;
         let runs = |from: Nanos, to: Nanos| {
             let runs =
@@ -486,7 +486,7 @@ fn behind_an_ardupilot_bootloader_a_setting_is_stored_in_an_fram_only() {
         let report = run.ecu(board.telemetry.name, LINE, client).until(14 * SECOND).go();
         let client: &Client = report.ecu(board.telemetry.name);
         let stores = board.fram.is_some();
-        let none = report.logged("settings: this board stores none");
+        let none = report.logged("settings: no storage on this board");
         assert_eq!(none, !stores, "{}: {}", board.name, report.log_text());
         let reported = client.texts().iter().any(|text| text.contains("is not stored"));
         assert_eq!(reported, !stores, "{:?}", client.texts());
@@ -516,8 +516,8 @@ fn a_setting_in_an_fram_stays_over_a_reset_and_without_a_supply() {
             let report = run.at(9 * SECOND + SECOND / 2, |bench| bench.press_reset()).until(20 * SECOND).go();
             let client: &Client = report.ecu(board.telemetry.name);
             let texts = format!("{}: {:#?}\n{}", board.name, client.texts(), report.log_text());
-            assert!(report.logged("settings: none are stored"), "somebody else's data; {texts}");
-            assert!(report.logged("settings: as stored"), "after the reset; {texts}");
+            assert!(report.logged("settings: none stored, using defaults"), "somebody else's data; {texts}");
+            assert!(report.logged("settings: loaded from storage"), "after the reset; {texts}");
             assert_eq!(client.value(LEFT, "LOSS_HOLD"), Some(2345.0), "{texts}");
             let answer = client.of(LEFT, PARAM_VALUE).next_back().expect("an answer");
             assert!(answer.at > 17 * SECOND, "{texts}");
@@ -530,7 +530,7 @@ fn a_setting_in_an_fram_stays_over_a_reset_and_without_a_supply() {
             let script = vec![(8 * SECOND, read(LEFT, "LOSS_HOLD")), (8 * SECOND, read(NODE, "MAV_GCS_2"))];
             let report = with_fram(board, Some(chip.powered_up()), script).until(10 * SECOND).go();
             let client: &Client = report.ecu(board.telemetry.name);
-            assert!(report.logged("settings: as stored"), "{}", report.log_text());
+            assert!(report.logged("settings: loaded from storage"), "{}", report.log_text());
             assert_eq!(client.value(LEFT, "LOSS_HOLD"), Some(2345.0));
             assert_eq!(client.value(NODE, "MAV_GCS_2"), Some(9.0));
         },
@@ -549,7 +549,7 @@ fn somebody_elses_data_in_an_fram_makes_no_reply_late_and_stays() {
             let run = Run::new(board, Image::Release).quick_engines().fram(Some(chip.clone()));
             let run = RESETS.into_iter().fold(run, |run, at| run.at(at, |bench| bench.press_reset()));
             let report = run.resets(RESETS.len()).until(5 * SECOND).go();
-            let starts = report.lines("settings: in an F-RAM").zip(report.lines("settings: none are stored"));
+            let starts = report.lines("settings: in an F-RAM").zip(report.lines("settings: none stored, using defaults"));
             let read: Vec<Nanos> = starts.map(|(from, to)| (to.at - from.at) / MILLIS).collect();
             println!("{}: read for {read:?} ms", board.name);
             assert_eq!(read.len(), 1 + RESETS.len(), "{}", report.log_text());
@@ -586,7 +586,7 @@ fn without_a_known_fram_a_text_says_that_a_setting_is_not_stored() {
                     run.at(9 * SECOND + SECOND / 2, |bench| bench.press_reset()).until(18 * SECOND).go();
                 let client: &Client = report.ecu(board.telemetry.name);
                 let texts = format!("{}: {:#?}\n{}", board.name, client.texts(), report.log_text());
-                assert!(report.logged("settings: no F-RAM that is known"), "{texts}");
+                assert!(report.logged("settings: unknown F-RAM"), "{texts}");
                 assert_eq!(report.logged("7f, 7f, 7f, 7f, 7f, 7f, c2, 2a, 08"), is_there, "{texts}");
                 assert!(
                     client.texts().iter().any(|text| text.contains("LOSS_HOLD is not stored")),
@@ -596,7 +596,7 @@ fn without_a_known_fram_a_text_says_that_a_setting_is_not_stored() {
                     client.of(LEFT, PARAM_VALUE).map(|it| (it.at > 17 * SECOND, it.float(0))).collect();
                 assert_eq!(values, [(false, 2345.0), (true, 2345.0)], "{texts}");
                 assert!(
-                    report.logged("settings: this board stores none, those of before the reset count"),
+                    report.logged("settings: no storage on this board, using the values retained over the reset"),
                     "{texts}"
                 );
                 let vehicle = report.lines("MAVLink: the vehicle is system").next_back().map(|line| line.at);

@@ -58,7 +58,7 @@ fn the_report_has_the_values_of_the_part() {
         let causes: Vec<_> = report.resets.iter().map(|(_, cause)| format!("{cause:?}")).collect();
         assert_eq!(causes, ["Model(\"IWDG\")", "Model(\"IWDG\")"]);
         assert!((500 * MILLIS..600 * MILLIS).contains(&report.resets[0].0), "{:?}", report.resets);
-        assert_eq!(report.lines("on the chip's own oscillator").count(), 1, "{}", report.log_text());
+        assert_eq!(report.lines("using the internal oscillator").count(), 1, "{}", report.log_text());
     });
 }
 

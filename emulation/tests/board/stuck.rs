@@ -32,7 +32,7 @@ fn port_with_a_stuck_transmitter_is_opened_anew_and_serves_its_ecu_again() {
         let others: Vec<_> = complaints.iter().filter(|text| !text.starts_with("not defined: ")).collect();
         assert!(others.is_empty(), "{others:#?}");
 
-        let opened: Vec<_> = report.lines("its port is opened anew").map(|log| log.at).collect();
+        let opened: Vec<_> = report.lines("transmitter stuck, reopening its port").map(|log| log.at).collect();
         for (port, stopped, engine) in [(AMT, amt, "left"), (ZK, zk, "booster")] {
             let sent: Vec<_> = report.wire(port).tx.iter().map(|tx| tx.end).collect();
             let again = sent.iter().find(|end| **end > stopped).unwrap_or_else(|| {

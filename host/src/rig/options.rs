@@ -118,7 +118,7 @@ pub struct Args {
     #[arg(long)]
     pub fast: bool,
 
-    /// Length of the run in engine time, for example 300s, 10m or 6h; it is the running phase that changes
+    /// Length of the run in engine time, for example 300s, 10m or 6h; only the running phase is stretched or shortened
     #[arg(long, value_name = "TIME")]
     pub duration: Option<String>,
 
@@ -126,7 +126,7 @@ pub struct Args {
     #[arg(long)]
     pub standby: bool,
 
-    /// All that is random comes from this number
+    /// Seed for all random numbers
     #[arg(long, value_name = "NUMBER", default_value_t = USUAL_SEED.to_string())]
     pub seed: String,
 

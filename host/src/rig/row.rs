@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn what_matters_fits_80_columns_and_nothing_moves() {
+    fn essential_columns_fit_80_and_stay_aligned() {
         let engines = engines(&[]).unwrap();
         let node = Node::new(&engines, false);
         let notes = Notes::default();

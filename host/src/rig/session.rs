@@ -54,7 +54,7 @@ pub struct Setup {
     pub faults: Faults,
     /// What is played, in place of the pilots.
     pub scenario: Option<&'static Scenario>,
-    /// All that is random comes from this number.
+    /// Seed for all random numbers.
     pub seed: u64,
     /// As quick as the machine allows, instead of real time.
     pub fast: bool,

@@ -126,8 +126,8 @@ fn most_urgent(
 /// The line for an engine that was taken from its script.
 fn played(name: &str, sample: &Sample, key: &str) -> String {
     match (sample.does.is_stopped() && sample.order == Order::Standby, sample.armed) {
-        (true, false) => format!("{name} is disarmed; {key}d, a and s start it, b begins its script anew"),
-        (true, true) => format!("{name} is armed, in standby; {key}s starts it, b begins its script anew"),
+        (true, false) => format!("{name} is disarmed; {key}d, a and s start it, b restarts its script"),
+        (true, true) => format!("{name} is armed, in standby; {key}s starts it, b restarts its script"),
         (false, _) => format!("{name}: {}, played by you; {key}b gives it back", sample.does_text()),
     }
 }

@@ -30,7 +30,7 @@ pub fn create(path: &str, end: &EndRequest) -> io::Result<File> {
             Err(RecvTimeoutError::Timeout) => {}
         }
         if end.requested().is_some() && ended.get_or_insert_with(Instant::now).elapsed() >= GRACE {
-            return Err(io::Error::new(ErrorKind::Interrupted, "the run was ended while nobody read it"));
+            return Err(io::Error::new(ErrorKind::Interrupted, "the run ended before a reader opened the pipe"));
         }
         if !reported && began.elapsed() >= QUIET {
             reported = true;

@@ -31,7 +31,7 @@ fn each_condition_of_a_start_is_named() {
         world.pass(1.0).await;
         let (answer, text) = world.control(0, &[1.0]).await;
         assert_eq!(answer, NOT_NOW);
-        assert!(text.contains("less than 5 s ago"), "{text}");
+        assert!(text.contains("repeated within 5 s"), "{text}");
         world.throttle(0);
         world.pass(6.0).await;
         let (answer, text) = world.control(0, &[1.0]).await;

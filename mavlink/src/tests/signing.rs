@@ -326,7 +326,7 @@ fn by_another_port_no_key_is_set_or_cleared() {
         let sent_text = world.frames.borrow().iter().any(|(_, port, frame)| {
             *port == TO_AUTOPILOT
                 && matches!(&frame.message(), MavMessage::STATUSTEXT(text)
-                    if text.text.to_str().is_ok_and(|text| text.contains("by USB")))
+                    if text.text.to_str().is_ok_and(|text| text.contains("over USB")))
         });
         assert!(sent_text, "the text says why");
     });
@@ -337,7 +337,7 @@ fn by_another_port_no_key_is_set_or_cleared() {
         let signed = world.frame(TO_GROUND, GROUND, &clear);
         for frame in [&encode(GROUND, 0, &clear)[..], &signed] {
             let (has, texts) = set_up(world, TO_GROUND, frame).await;
-            assert!(has && texts.contains("by USB"), "{texts}");
+            assert!(has && texts.contains("over USB"), "{texts}");
         }
         assert_eq!(counted(world), SigningCounters { setups_refused: 2, ..NOTHING });
         world.start(0).await;

@@ -407,7 +407,7 @@ fn outputs_that_nobody_drives_are_no_stop_with_end_points_of_1000_us_either() {
     }
 }
 
-/// Two receivers that send in turns, one at full throttle: silence, and the stages of loss. A stop of either one counts.
+/// Two receivers alternating on one line, one at full throttle: no signal, and the stages of loss. A stop of either one counts.
 #[test]
 fn two_receivers_on_one_line_are_silence_and_either_one_stops() {
     each(async |world| {

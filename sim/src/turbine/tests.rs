@@ -195,7 +195,7 @@ fn a_start_that_does_not_light_is_given_up() {
 }
 
 #[test]
-fn its_course_does_not_depend_on_how_often_it_is_advanced() {
+fn result_is_independent_of_step_size() {
     let course = |step: Nanos| {
         let mut turbine = Turbine::new(Parameters::OLYMPUS);
         turbine.advance_to(0);

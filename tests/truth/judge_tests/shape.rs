@@ -148,7 +148,7 @@ fn a_stop_is_not_released_in_flight_or_with_the_stick_up() {
 }
 
 #[test]
-fn a_service_is_not_that_of_a_source_behind_nor_into_a_new_line() {
+fn service_needs_the_active_source_and_a_settled_line() {
     let story = || {
         ready(ZK5)
             .once(3, 11.0, PilotCommand::Service(5))

@@ -21,7 +21,7 @@ pub enum Act {
     EmergencyStop,
     /// Release the emergency stop.
     Release,
-    /// Standby, and the engine's own script anew.
+    /// Standby, then the engine's own script from its start.
     Script,
     /// A fault begins (true) or ends.
     Fault(Fault, bool),

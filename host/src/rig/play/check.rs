@@ -71,7 +71,7 @@ fn acts(actions: &[(Instant, Action)], engine: usize) -> impl Iterator<Item = In
     actions.iter().filter(of_it).map(|(at, _)| *at)
 }
 
-/// When all engines have flown, at the latest: one that begins its script anew does not take longer than the whole run.
+/// When all engines have flown, at the latest: one that restarts its script does not take longer than the whole run.
 fn end(actions: &[(Instant, Action)], played: &Played<'_>) -> Option<Duration> {
     let length = played.plan.length?;
     let last = (0..played.engines.len()).filter_map(|engine| acts(actions, engine).max()).max();

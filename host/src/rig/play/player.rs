@@ -36,7 +36,7 @@ struct Hand {
     faults: RefCell<Vec<Fault>>,
     /// An emergency stop that the node has not taken yet.
     stop: Cell<bool>,
-    /// It is to begin its script anew.
+    /// It is to restart its script.
     anew: Cell<bool>,
     /// Something was done to it.
     touched: Cell<bool>,

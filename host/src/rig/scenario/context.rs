@@ -352,7 +352,7 @@ impl<'a> ScenarioContext<'a> {
         let limit = Instant::now() + Duration::from_micros((seconds * 1e6) as u64);
         while !come() {
             if Instant::now() >= limit {
-                return Err(format!("this did not come in {seconds:.0} s: {what}"));
+                return Err(format!("timed out after {seconds:.0} s waiting for: {what}"));
             }
             Timer::after(LOOK).await;
         }

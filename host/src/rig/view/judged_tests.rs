@@ -72,7 +72,7 @@ fn a_script_that_begins_anew_after_a_stop_flies() {
     assert_eq!(run.problems(), Vec::<String>::new());
 }
 
-/// A script begins anew when the stop is released. Until then the engine stays played, and time passes.
+/// A script restarts when the stop is released. Until then the engine stays played, and time passes.
 #[test]
 fn a_script_does_not_begin_anew_while_a_stop_is_latched() {
     let keys = [(50.0, char(' ')), (60.0, char('b'))];

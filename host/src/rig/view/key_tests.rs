@@ -50,7 +50,7 @@ fn keys_that_the_help_names_start_an_engine_after_an_emergency_stop() {
     let released = [&released[..], &right(3.0)].concat();
     let played = pair(5.0, &released, "released");
     // Keys act on the selected engine, which is right here.
-    assert_eq!(story(&played), "right is disarmed; d, a and s start it, b begins its script anew");
+    assert_eq!(story(&played), "right is disarmed; d, a and s start it, b restarts its script");
     let mut latched = pair(2.5, &[(1.0, char(' ')), (2.0, char('r')), (2.0, char('y'))], "latched");
     assert_eq!(story(&latched), "right: emergency stop is latched; 2, r and y release it");
     latched.model.selected = 1;
@@ -60,7 +60,7 @@ fn keys_that_the_help_names_start_an_engine_after_an_emergency_stop() {
         &[&released[..], &[(5.0, press(KeyCode::Left)), (5.5, char('d')), (6.0, char('a'))]].concat(),
         "armed",
     );
-    assert_eq!(story(&played), "left is armed, in standby; s starts it, b begins its script anew");
+    assert_eq!(story(&played), "left is armed, in standby; s starts it, b restarts its script");
 }
 
 /// At the end, too: the engine of this run was stopped.

@@ -108,7 +108,7 @@ pub const KEYS: [Key; 28] = [
     key(&[Char('q')], "q", Does::Quit, "end: verdict and events", "end"),
     key(&[KeyCode::Esc], "Esc", Does::Close, "close what is open", ""),
     key(&[Char('f')], "f", Does::Faults, "break something: faults", "faults"),
-    key(&[Char('b')], "b", act(Act::Script), "begin its script anew", "script"),
+    key(&[Char('b')], "b", act(Act::Script), "restart its script", "script"),
     key(&[Char('a')], "a", act(Act::Arm), "arm: allow a start", ""),
     key(&[Char('d')], "d", act(Act::Disarm), "disarm: allow no start", ""),
     key(&[Char('s')], "s", act(Act::Start), "start: run at idle", "start"),

@@ -19,7 +19,7 @@ settings! {
         half_idle: raw "AMT_HALF_IDLE" = 20 in 1..=254, "Half of the idle speed, in the raw unit of Data 2 (500 or 700 rpm, AMT-5), because the ECU gives no idle speed. An engine whose shaft turns slower is not running. 20 is 10 000 rpm of an Olympus, which idles at 36 000 rpm and lights at 6000 rpm.";
     }
     groups {
-        /// The engine, if its scale shall be known before the ECU names it. What the ECU says wins.
+        /// Engine model, for scaling until the ECU reports its own, which takes precedence.
         engine: Option<EngineModel> = None;
     }
 }
