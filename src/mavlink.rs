@@ -135,7 +135,9 @@ pub fn load(settings: &mut Settings) {
         }
         (Found::Empty, false) if stores => defmt::info!("settings: none stored, using defaults"),
         (Found::Empty, false) => defmt::info!("settings: no storage on this board, using defaults"),
-        (Found::Damaged, true) => defmt::error!("settings: DAMAGED, using the values retained over the reset"),
+        (Found::Damaged, true) => {
+            defmt::error!("settings: DAMAGED, using the values retained over the reset")
+        }
         (Found::Damaged, false) => defmt::error!("settings: DAMAGED, using defaults"),
     }
     settings.store = store;
@@ -198,7 +200,7 @@ pub fn build(node: &'static Node<N>, settings: Settings, radio: Option<&'static 
 fn signing(stored: Option<SigningState>) -> SigningState {
     let state = SigningState::at_start(board::key::KEY.load(), stored);
     if state.key().is_some() {
-        defmt::info!("MAVLink: with a key for signing");
+        defmt::info!("MAVLink: signing key present");
     }
     state
 }
@@ -244,7 +246,7 @@ pub async fn serve(mavlink: Mavlink, port: EcuPort) {
     };
     let work = select(runner.serve(TELEMETRY_PORT, port.rx, port.tx), keep);
     if let Either::First(Request::Reboot) = select(time, work).await {
-        defmt::info!("MAVLink: restart by command");
+        defmt::info!("MAVLink: restarting on command");
         board::restart();
     }
 }

@@ -71,7 +71,7 @@ pub fn log(radio: &Radio) {
     }
     let rests = board::pulses::rests();
     if rests != 0 {
-        defmt::info!("radio control: noise on an input for pulses, {=u32} times", rests);
+        defmt::info!("radio control: noise on a pulse input, {=u32} times", rests);
     }
     for (pilot, engine) in service.pilots().iter().zip(&ENGINES) {
         let unused = Unused(*pilot.counters());
@@ -87,7 +87,7 @@ fn logged() -> impl FnMut(Instant, usize, Outcome) {
     move |_, engine, outcome| {
         if !received {
             received = true;
-            defmt::info!("radio control: frames are received");
+            defmt::info!("radio control: receiving frames");
         }
         // What becomes of a command is in the engine's events.
         let why = match outcome {

@@ -87,7 +87,7 @@ async fn life<T>(
     }
 }
 
-/// Both engines of a node on their lines, for ever.
+/// Both engines of a node on their lines, forever.
 async fn live_two<A: Ecu, B: Ecu>(
     node: &Node<2>,
     left: (WireRx, WireTx, &Plug<A>),

@@ -49,7 +49,7 @@ impl<E: Ecu> Bench<E> {
         command_as(&self.channel.owner(), command, origin)
     }
 
-    /// The engine's side of the world, for ever.
+    /// The engine's side of the world, forever.
     pub async fn live(&self) -> ! {
         static ERRORS: LineErrors = LineErrors::new();
         let (rx, tx) = self.halves.borrow_mut().take().expect("a bench lives once");

@@ -130,7 +130,7 @@ fn section(board: &Board) -> String {
         Some(bootloader) => {
             let flash = board.flash(true).expect("it has a bootloader");
             rows += &format!(
-                "Bootloader: {}, which knows the board as {}; the image behind it begins at {:#010x}.\n\n",
+                "Bootloader: {}, board ID {}; the image behind it starts at {:#010x}.\n\n",
                 bootloader.of, bootloader.board_id, flash.start
             );
         }
@@ -143,10 +143,10 @@ fn section(board: &Board) -> String {
     for (number, port) in ports.chain([("MAVLink".into(), &board.telemetry)]) {
         let (tx, ecu) = match port.before {
             Before::Floats => ("floats", "yes"),
-            Before::DrivenLow => ("**low**", "only one that does not mind a break of 5 s"),
+            Before::DrivenLow => ("**low**", "only one that tolerates a 5 s break"),
             Before::Listens => ("high; it listens at RX", "**no**"),
         };
-        let ecu = if number == "MAVLink" { "none is there" } else { ecu };
+        let ecu = if number == "MAVLink" { "no ECU there" } else { ecu };
         rows += &format!(
             "| {number} | {} | {} | {} | {} | {} |",
             port.name, port.uart, port.tx, port.rx, port.label
@@ -155,7 +155,7 @@ fn section(board: &Board) -> String {
     }
     let radio = board.ports[usize::from(board.radio)];
     let lines = if board.chip.family.inverts() { "SBUS or CRSF" } else { "CRSF, or SBUS behind an inverter" };
-    rows += &format!("\nReceiver of radio control: port {}, {} ({lines}).\n", board.radio, radio.label);
+    rows += &format!("\nReceiver for radio control: port {}, {} ({lines}).\n", board.radio, radio.label);
     rows += &outputs(board);
     if let Some(PulseInputs { timer, pins, .. }) = board.pulses {
         let pads = pins.map(|pin| board.outputs.iter().find(|output| output.pin == pin).unwrap().label);
@@ -178,7 +178,7 @@ fn section(board: &Board) -> String {
     let Usb { minus, plus, label } = board.usb;
     rows += &format!("\nUSB, with the feature `usb`: {label} (D- {minus}, D+ {plus}).\n");
     if board.held().next().is_some() {
-        rows += "\nDriven from the start on:\n\n";
+        rows += "\nDriven from the start:\n\n";
         for hold in board.held() {
             let level = format!("{:?}", hold.level).to_lowercase();
             rows += &format!("- {} {level}: {}\n", hold.pin, hold.why);
@@ -193,7 +193,7 @@ fn outputs(board: &Board) -> String {
         return "\nOutputs for valves and power: none.\n".into();
     }
     let low = board.outputs.iter().filter(|output| output.low_before).count();
-    assert!(low == 0 || low == board.outputs.len(), "{}: one sentence says it of all", board.name);
+    assert!(low == 0 || low == board.outputs.len(), "{}: one sentence describes all", board.name);
     let before = match (board.bootloader, low) {
         (None, _) => "float until the firmware drives them",
         (Some(_), 0) => "float in the bootloader",

@@ -57,7 +57,7 @@ pub enum Call {
         #[arg(value_name = "DIR")]
         folder: PathBuf,
     },
-    /// Plays the four runs again and compares them with a folder. Fails at another byte or order, or a shift above 100 µs.
+    /// Replays the four runs and compares them with a folder. Fails if a byte or the order differs, or at a shift above 100 µs.
     #[command(name = "emu-compare")]
     Compare {
         /// The folder of `cargo emu-record`.

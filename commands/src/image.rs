@@ -8,7 +8,7 @@ use std::path::PathBuf;
 /// Build the firmware of a board and write the files that flash it.
 ///
 /// Writes NAME.elf (for probe-rs), NAME.bin (for dfu-util) and NAME.hex. With --ardupilot-bootloader the image is
-/// linked behind the board's ArduPilot bootloader, and NAME.apj is for it, too: upload it with ArduPilot's
+/// linked behind the board's ArduPilot bootloader, and NAME.apj is written as well: upload it with ArduPilot's
 /// uploader.py or as custom firmware with a ground station.
 #[derive(Parser, Debug)]
 #[command(name = "cargo image", bin_name = "cargo image")]
@@ -19,7 +19,7 @@ pub struct Args {
     /// For a board that keeps its ArduPilot bootloader.
     #[arg(long)]
     pub ardupilot_bootloader: bool,
-    /// The demonstration that commands the engines by itself. For a bench only!
+    /// The demo that commands the engines on its own. For a bench only!
     #[arg(long)]
     pub demo: bool,
     /// The folder for the files.

@@ -35,7 +35,7 @@ pub enum Leftover {
     SysTick,
     /// PendSV is pending. Only behind PRIMASK; else the bootloader's own handler would have taken it.
     PendSv,
-    /// Two interrupts of peripherals are enabled and pending, one of them for ever. Only behind PRIMASK.
+    /// Two interrupts of peripherals are enabled and pending, one of them forever. Only behind PRIMASK.
     Interrupts,
     /// Every interrupt has the lowest priority; only a start that sets them all is the same as after a reset.
     Priorities,

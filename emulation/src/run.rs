@@ -227,7 +227,7 @@ impl Run {
         (report, complaints)
     }
 
-    /// Runs for ever in real time with the log on the terminal.
+    /// Runs forever in real time with the log on the terminal.
     pub fn live(mut self) {
         self.live = true;
         self.until = Nanos::MAX / 4;

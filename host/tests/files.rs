@@ -292,7 +292,7 @@ fn a_signal_ends_the_wait_for_the_reader_of_a_fifo() {
         let mut rig = Running(rig);
         let mut errors = BufReader::new(rig.0.stderr.take().expect("piped")).lines();
         let mut line = || errors.next().expect("a line").expect("text");
-        assert_eq!(line(), format!("jetlink rig: waits for a reader of {}", fifo.display()));
+        assert_eq!(line(), format!("jetlink rig: waiting for a reader of {}", fifo.display()));
         let sent = Command::new("kill").arg(rig.0.id().to_string()).status();
         assert!(sent.expect("kill").success());
         let ended = line();
@@ -503,7 +503,7 @@ fn the_summary_is_printed_when_a_file_cannot_be_completed() {
     let mut errors = BufReader::new(child.0.stderr.take().expect("a pipe"));
     let (mut printed, mut error) = (String::new(), String::new());
     errors.read_line(&mut error).expect("a line");
-    assert!(error.contains("waits for a reader"), "{error}");
+    assert!(error.contains("waiting for a reader"), "{error}");
     fs::remove_dir_all(&gone).unwrap();
     let rows = fs::read_to_string(&csv).unwrap();
     child.0.stdout.take().expect("a pipe").read_to_string(&mut printed).expect("UTF-8");
@@ -528,7 +528,7 @@ fn a_picture_keeps_the_permissions_of_the_one_before() {
         Running(command(&args).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("it runs"));
     let mut line = String::new();
     BufReader::new(child.0.stderr.take().expect("a pipe")).read_line(&mut line).expect("a line");
-    assert!(line.contains("waits for a reader"), "{line}");
+    assert!(line.contains("waiting for a reader"), "{line}");
     assert_eq!(fs::read_dir(&folder).unwrap().count(), 2, "the picture before and the FIFO");
     assert!(fs::read_to_string(&csv).unwrap().lines().count() > 100);
     assert_eq!(child.0.wait().expect("it ends").code(), Some(0));

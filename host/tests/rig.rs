@@ -496,7 +496,7 @@ fn a_hot_start_is_reported_and_not_repeated() {
 fn after_a_flame_out_the_other_engine_counts_it_as_failed() {
     let (text, _) = scenario("flame-out", 13);
     // Both engines are dead then.
-    let expected = ["number of other engines that failed: 1", "no other engine counts as failed any more"];
+    let expected = ["number of other engines that failed: 1", "no other engine is considered failed"];
     reported(&text, "left", &expected);
     reported(&text, "right", &expected);
 }

@@ -294,7 +294,7 @@ sentences!(Rejected {
     Self::RpmNotKnown => "the shaft speed is unknown: command a throttle instead of an rpm";
     Self::RateTooFast => "the line is too slow for this status rate: command a lower one";
     Self::NotSupported => "the ECU of this engine does not support this command";
-    Self::ServiceTime => "the service has run for as long as it may: pause its command, then try again";
+    Self::ServiceTime => "the service has reached its time limit: pause its command, then try again";
     Self::Busy => "the ECU has not confirmed the previous service command yet: try again";
 } {
     Self::NotYours(origin) => "the emergency stop came from {}: that source or a higher one has to release it", origin;

@@ -136,7 +136,7 @@ sentences!(Event {
     Self::NotObeyed => "ECU does not obey the order: check the wire to it";
     Self::ObeyedAgain => "ECU obeys the order again";
     Self::SourceLoss(LossStage::None) => "source received again";
-    Self::OtherFailed(0) => "no other engine counts as failed any more";
+    Self::OtherFailed(0) => "no other engine is considered failed";
     Self::LifeInDoubt => "in doubt whether the engine runs: the demand may be withheld";
     Self::LifeConfirmed => "engine confirmed to run: the demand is sent";
     Self::TransmitterFailed => "transmitter failed: nothing was sent for 1 s";

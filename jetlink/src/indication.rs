@@ -18,7 +18,7 @@ pub enum Indication {
     SourceLost,
     /// An emergency stop is latched.
     StopLatched,
-    /// An engine or the board needs a look.
+    /// An engine or the board needs attention.
     Fault,
 }
 
@@ -81,11 +81,11 @@ impl Indication {
         match self {
             Self::AtRest => "all is well, every engine is at rest and disarmed",
             Self::Armed => "an engine is armed",
-            Self::Running => "an engine turns, or is ordered to",
+            Self::Running => "an engine turns, or is ordered to run",
             Self::SourceLost => "the source in control is lost: the engine goes through the stages of loss",
             Self::StopLatched => "an emergency stop is latched",
             Self::Fault => {
-                "fault: the crystal does not run (the log says so at the start and every second), the stored settings are damaged (the log says so at the start), or an engine needs a look: its link is not up, it is in doubt whether it runs, a limit has lowered its demand, its ECU reports a fault or does not follow its orders, or nothing can be sent to it"
+                "fault: the crystal does not run (the log says so at the start and every second), the stored settings are damaged (the log says so at the start), or an engine needs attention: its link is not up, it is in doubt whether it runs, a limit has lowered its demand, its ECU reports a fault or does not follow its orders, or nothing can be sent to it"
             }
         }
     }

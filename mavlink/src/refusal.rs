@@ -33,7 +33,7 @@ pub enum Refusal {
     Stopped,
     /// A repeat of a start that was refused a moment ago.
     Repeated,
-    /// A key is set only by USB.
+    /// A key is set only over USB.
     #[cfg(feature = "signing")]
     OnlyByUsb,
     /// An engine turns.
@@ -59,10 +59,10 @@ pub enum Refusal {
     /// They are not.
     #[cfg(feature = "signing")]
     NotDamaged,
-    /// An engine is not seen at rest.
+    /// An engine is not reported at rest.
     #[cfg(feature = "signing")]
     NotAtRest,
-    /// The node has no receiver of radio control.
+    /// The node has no receiver for radio control.
     NoReceiver,
 }
 
@@ -99,19 +99,17 @@ impl core::fmt::Display for Refusal {
             }
             Self::AlreadyRuns => f.write_str("the engine is ordered to run: stop it first"),
             Self::NoDemand => {
-                f.write_str("no throttle is received: check MAV_THR_SRC, MAV_THR_OUT and the autopilot")
+                f.write_str("no throttle received: check MAV_THR_SRC, MAV_THR_OUT and the autopilot")
             }
             Self::NoHeartbeat => {
-                f.write_str("no heartbeat of the commanding system: it has to keep the order alive")
+                f.write_str("no heartbeat from the commanding system, which has to keep the order alive")
             }
             Self::NotIdle => f.write_str("bring the throttle to idle first"),
             Self::NotInControl => {
                 f.write_str("MAVLink is not in control of the engine yet: try again in 1 s")
             }
             Self::Stopped => f.write_str("stopped since: this start is a repeat, send a new one after 5 s"),
-            Self::Repeated => {
-                f.write_str("repeated within 5 s of the refused one, wait 5 s")
-            }
+            Self::Repeated => f.write_str("repeated within 5 s of the refused one, wait 5 s"),
             #[cfg(feature = "signing")]
             Self::OnlyByUsb => f.write_str("set the key over USB: other links can be overheard"),
             Self::Turns => f.write_str("an engine turns or is ordered to run: stop it first"),
@@ -123,15 +121,15 @@ impl core::fmt::Display for Refusal {
             Self::LineTooSlow => f.write_str("the baud rate leaves no time for this value"),
             Self::NotWhole => f.write_str("the value has to be a whole number"),
             Self::EndPoints => f.write_str("MAV_THR_MIN has to be below MAV_THR_MAX"),
-            Self::StoreFull => f.write_str("the store is full until all engines are seen at rest"),
+            Self::StoreFull => f.write_str("the storage is full until all engines are reported at rest"),
             Self::StoreFails => f.write_str("it cannot be stored"),
-            Self::StoreBusy => f.write_str("others are being stored"),
-            Self::Damaged => f.write_str("the stored settings are damaged: confirm them by USB"),
+            Self::StoreBusy => f.write_str("other settings are being stored"),
+            Self::Damaged => f.write_str("the stored settings are damaged: confirm them over USB"),
             #[cfg(feature = "signing")]
             Self::NotDamaged => f.write_str("the settings are not damaged"),
             #[cfg(feature = "signing")]
-            Self::NotAtRest => f.write_str("all engines have to be seen at rest"),
-            Self::NoReceiver => f.write_str("the node has no receiver of radio control"),
+            Self::NotAtRest => f.write_str("all engines must be reported at rest"),
+            Self::NoReceiver => f.write_str("the node has no receiver for radio control"),
         }
     }
 }

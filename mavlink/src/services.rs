@@ -41,7 +41,7 @@ pub const TABLE: [Row; 10] = [
     Row {
         number: 20,
         params: "param2 = 1 to 13",
-        text: "ZK: the action of this number (docs/protocols.md): drain, tests, rates, fuel statistics, pump. Repeat what opens the pump within the timeout of the source (1 s), or it is closed.",
+        text: "ZK: the action of this number (docs/protocols.md): drain, tests, rates, fuel statistics, pump. Repeat a service that opens the pump within the source timeout (1 s), or the pump is closed.",
     },
     Row { number: 21, params: "param2 = 0 to 5100", text: "ZK: voltage of the ignition pump, in mV." },
     Row { number: 22, params: "param2 = 10 to 70", text: "ZK: acceleration curve." },
@@ -53,7 +53,7 @@ pub const TABLE: [Row; 10] = [
     Row {
         number: 40,
         params: "",
-        text: "With radio control, the engine at rest: begin a calibration of the stick. Move it from end to end. Meanwhile radio control commands nothing but a stop.",
+        text: "With radio control and the engine at rest: start a calibration of the stick. Move it from end to end. Meanwhile radio control commands nothing but a stop.",
     },
     Row {
         number: 41,

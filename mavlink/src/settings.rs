@@ -7,7 +7,7 @@ settings! {
     /// Settings of the node that count from its next start on.
     pub struct Identity, "identity.", AtNextStart {
         system: number "MAV_SYSID" = 0 in 0..=255, "System id of the vehicle. 0: learn it from the autopilot.";
-        learnt: number "MAV_SYSID_LEARN" = 0 in 0..=255, "System id that was learnt where MAV_SYSID is 0; the node sets it. 0: none.";
+        learnt: number "MAV_SYSID_LEARN" = 0 in 0..=255, "Learnt system id, used where MAV_SYSID is 0; set by the node. 0: none.";
         base: number "MAV_COMP_BASE" = 25 in 25..=90, "Component id of the node; engine 1 has the next, engine 2 the one after it.";
         autopilot_port: number "MAV_AP_PORT" = 1 in 0..=8, "Port of the autopilot, from 1. 0: there is none.";
     }
@@ -19,12 +19,12 @@ settings! {
         ground_1: number "MAV_GCS_1" = 255 in 0..=255, UnlessTurning, "System id of a ground station that may command and set. 0: none.";
         ground_2: number "MAV_GCS_2" = 0 in 0..=255, UnlessTurning, "System id of another one. 0: none.";
         own_vehicle: yes_no "MAV_OWN_CMD" = 1 in 0..=1, UnlessTurning, "Components of our own vehicle may command and set.";
-        efi_engine: number "MAV_EFI_ENGINE" = 1 in 0..=255, "Engine whose EFI_STATUS goes to the autopilot's port, from 1. 0: none. 255: all; an ArduPilot mixes them.";
-        efi_interval: ms "MAV_EFI_EVERY" = 250 in 100..=10_000, "Time between two EFI_STATUS of an engine on the autopilot's port.";
-        progress: yes_no "MAV_IN_PROGRESS" = 0 in 0..=1, "A start is answered IN_PROGRESS, each second, and finally when the engine runs or the start has ended. QGroundControl and Mission Planner send no other command to the engine until then, a stop neither.";
+        efi_engine: number "MAV_EFI_ENGINE" = 1 in 0..=255, "Engine whose EFI_STATUS goes to the autopilot's port, from 1. 0: none. 255: all, which an ArduPilot mixes up.";
+        efi_interval: ms "MAV_EFI_EVERY" = 250 in 100..=10_000, "Interval of an engine's EFI_STATUS on the autopilot's port.";
+        progress: yes_no "MAV_IN_PROGRESS" = 0 in 0..=1, "A start is answered IN_PROGRESS, each second, and finally when the engine runs or the start has ended. QGroundControl and Mission Planner send no other command to the engine until then, not even a stop.";
     }
     groups {
-        /// Settings that count from the next start on.
+        /// Settings that take effect at the next start.
         identity: Identity = Identity::DEFAULT;
     }
 }
@@ -34,8 +34,8 @@ settings! {
     pub struct EngineSettings, "mavlink.", AtOnce {
         source: number "MAV_THR_SRC" = 1 in 0..=2, UnlessTurning, "Source of its demand. 0: none, it idles. 1: an output of the autopilot (SERVO_OUTPUT_RAW). 2: RC_CHANNELS_OVERRIDE addressed to the engine.";
         output: number "MAV_THR_OUT" = 3 in 1..=32, UnlessTurning, "Number of that output or channel.";
-        low: pulse "MAV_THR_MIN" = 1100 in 800..=2200, UnlessTurning, "Pulse width of idle.";
-        high: pulse "MAV_THR_MAX" = 1900 in 800..=2200, UnlessTurning, "Pulse width of full throttle.";
+        low: pulse "MAV_THR_MIN" = 1100 in 800..=2200, UnlessTurning, "Pulse width at idle.";
+        high: pulse "MAV_THR_MAX" = 1900 in 800..=2200, UnlessTurning, "Pulse width at full throttle.";
         reversed: yes_no "MAV_THR_REV" = 0 in 0..=1, UnlessTurning, "The output is reversed: the shorter pulse is full throttle.";
         relight: yes_no "MAV_RELIGHT" = 0 in 0..=1, "A start is accepted with the throttle above idle, for a relight in flight: the engine starts at idle and then rises to it.";
         disarmed_standby: ms_or_off "MAV_DISARM_STBY" = -1 in 1000..=3_600_000, "Standby, when the vehicle has been disarmed for this time without a gap. Off: never.";

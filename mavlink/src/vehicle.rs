@@ -46,7 +46,7 @@ pub(crate) struct Vehicle {
     id: Option<u8>,
     /// Its id was not set.
     learns: bool,
-    /// The id that was learnt last: it counts from the node's next start on.
+    /// The id that was learnt last: it takes effect at the node's next start.
     learnt: u8,
     candidate: Option<Candidate>,
     /// Another autopilot that is received, and when last.
@@ -224,7 +224,7 @@ mod tests {
             assert_eq!(beat(&mut vehicle, second, 3, 0), None);
             assert_eq!(beat(&mut vehicle, second, 4, 0), None);
         }
-        // In its place it is learnt once, and counts from the next start on.
+        // In its place it is learnt once, and takes effect at the next start.
         let learnt: std::vec::Vec<_> =
             (20..60).filter_map(|second| beat(&mut vehicle, second, 4, 0)).collect();
         assert_eq!(learnt, [VehicleEvent::Learnt(4)]);

@@ -23,7 +23,7 @@ fn table(rows: &[(&Setting, &str, Option<String>)], turning: &str) -> String {
             if row.default == OFF && row.may_be_off { "off".into() } else { row.default.to_string() }
         });
         let next = match row.effect {
-            Effect::AtNextStart => format!(" Counts from the next start on. Refused while {turning} turns."),
+            Effect::AtNextStart => format!(" Takes effect at the next start. Refused while {turning} turns."),
             Effect::UnlessTurning => format!(" Refused while {turning} turns."),
             Effect::AtRest => " Takes effect when the engine is at rest.".into(),
             _ => String::new(),

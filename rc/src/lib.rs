@@ -22,7 +22,7 @@
 //! a switch, with or without a checksum.
 //!
 //! The decoders are our own. The package `sbus-rs` 0.1.3 has no time and takes every 0x0F for a beginning: a stream that it
-//! enters in the middle of a frame can keep it beside the frames for ever, with wrong values that it reports as good. `crsf`
+//! enters in the middle of a frame can keep it beside the frames forever, with wrong values that it reports as good. `crsf`
 //! 2.0.1 panics on a short frame with a right checksum, and drops what follows a frame in its buffer.
 //!
 //! **Nothing here has run on hardware yet.**

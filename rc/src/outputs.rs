@@ -36,7 +36,7 @@ pub enum Why {
     Retained,
     /// After a reset without a record that calls for more.
     NotRecorded,
-    /// The firmware failed in start after start with the valve open.
+    /// The firmware failed in repeated starts with the valve open.
     FailedStarts,
     /// An emergency stop is latched.
     StopLatched,
@@ -70,7 +70,7 @@ impl Why {
         match self {
             Self::Retained => "as recorded before the reset",
             Self::NotRecorded => "no record of a running engine",
-            Self::FailedStarts => "the firmware failed in start after start",
+            Self::FailedStarts => "the firmware failed in repeated starts",
             Self::StopLatched => "emergency stop",
             Self::Ordered => "the engine is ordered to run",
             Self::Lives => "the ECU reports a running engine",
@@ -150,7 +150,7 @@ pub struct Outputs {
     pub(crate) settings: OutputSettings,
     valve: Valve,
     power: bool,
-    /// The firmware failed in start after start: the valve stays closed until the engine is at rest or started anew.
+    /// The firmware failed in repeated starts: the valve stays closed until the engine is at rest or is started again.
     cut: bool,
     /// The valve was opened for a service, in the standby that is still in force.
     for_service: bool,
@@ -165,7 +165,7 @@ impl Outputs {
     /// ([`crate::wiring::OutputConfig::levels`]) before anything else.
     ///
     /// The valve is open only if the record says that the engine runs and that nothing stops it. A start that was under way is
-    /// none: the engine ends it. `has_failed`: the firmware has failed in start after start ([`crate::starts`]), and the valve is closed.
+    /// none: the engine ends it. `has_failed`: the firmware has failed in repeated starts ([`crate::starts`]), and the valve is closed.
     pub fn new(settings: OutputSettings, retained: Option<RetainedState>, has_failed: bool) -> Self {
         let runs = retained.is_some_and(|record| {
             record.ran && !matches!(record.order, Order::EmergencyStop | Order::Standby)
@@ -191,7 +191,7 @@ impl Outputs {
         [Change::Valve(self.valve, of_valve), Change::Power(self.power, why(self.power))]
     }
 
-    /// Whether the valve is closed because the firmware failed in start after start, until the engine is at rest or started anew.
+    /// Whether the valve is closed because the firmware failed in repeated starts, until the engine is at rest or is started again.
     pub const fn is_cut(&self) -> bool {
         self.cut
     }
@@ -232,7 +232,7 @@ impl Outputs {
         let order = telemetry.ordered.order;
         let not_followed = self.not_followed(telemetry);
         self.for_service &= order == Order::Standby;
-        // A flame that is out gets no fuel again until somebody starts the engine anew.
+        // A flame that is out gets no fuel again until somebody starts the engine again.
         let stopped = matches!(order, Order::Standby | Order::EmergencyStop);
         self.cut &= !(stopped && is_at_rest(telemetry) || is_started(telemetry));
         let closed = |why| Some((Valve::Closed, why));

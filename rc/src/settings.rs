@@ -6,17 +6,17 @@ settings! {
     /// Settings of an engine.
     pub struct EngineSettings, "rc.", UnlessTurning {
         throttle: number "RC_THR_CH" = 3 in 0..=18, "Channel of the throttle. 0: radio control does not command this engine.";
-        low: pulse "RC_THR_MIN" = 1100 in 800..=2200, "Pulse width of idle.";
-        high: pulse "RC_THR_MAX" = 1900 in 800..=2200, "Pulse width of full throttle. At least 300 µs above that of idle.";
+        low: pulse "RC_THR_MIN" = 1100 in 800..=2200, "Pulse width at idle.";
+        high: pulse "RC_THR_MAX" = 1900 in 800..=2200, "Pulse width at full throttle, at least 300 µs above idle.";
         reversed: yes_no "RC_THR_REV" = 0 in 0..=1, "The channel is reversed: the shorter pulse is full throttle.";
-        beyond: pulse "RC_THR_BEYOND" = 150 in 0..=500, "A throttle that is further beyond an end point than this is silence.";
-        switch: number "RC_SW_CH" = 5 in 0..=18, "Channel of the arm/stop switch with three positions: stop, standby, run allowed. 0: there is none; radio control moves the throttle of a running engine, and neither starts nor stops one.";
-        switch_stop: pulse "RC_SW_STOP" = 1300 in 900..=1900, "Longest pulse width of the position stop. Standby begins 100 µs above.";
-        switch_run: pulse "RC_SW_RUN" = 1700 in 1100..=2100, "Shortest pulse width of the position run allowed, at least 300 µs above that of stop. Standby ends 100 µs below.";
-        switch_reversed: yes_no "RC_SW_REV" = 0 in 0..=1, "The switch is reversed: the shorter pulse is run allowed. Both widths then count for 3000 µs less the pulse.";
-        hand_over: number "RC_HAND_CH" = 0 in 0..=18, "Channel that hands the engine to the lower source, above 1700 µs: radio control is present and commands nothing, but keeps the stop. 0: there is none.";
-        rpm_low: rpm_or_off "RC_RPM_MIN" = -1 in 0..=16_000_000, "Shaft speed of idle, where the stick commands a shaft speed. It does where both are set.";
-        rpm_high: rpm_or_off "RC_RPM_MAX" = -1 in 0..=16_000_000, "Shaft speed of full throttle. Off: the stick commands a throttle.";
+        beyond: pulse "RC_THR_BEYOND" = 150 in 0..=500, "A throttle beyond an end point by more than this counts as no signal.";
+        switch: number "RC_SW_CH" = 5 in 0..=18, "Channel of the arm/stop switch with three positions: stop, standby, run allowed. 0: none; radio control then moves the throttle of a running engine, but neither starts nor stops one.";
+        switch_stop: pulse "RC_SW_STOP" = 1300 in 900..=1900, "Longest pulse width of the stop position. Standby begins 100 µs above it.";
+        switch_run: pulse "RC_SW_RUN" = 1700 in 1100..=2100, "Shortest pulse width of the run-allowed position, at least 300 µs above RC_SW_STOP. Standby ends 100 µs below it.";
+        switch_reversed: yes_no "RC_SW_REV" = 0 in 0..=1, "The switch is reversed: the shorter pulse is run allowed. RC_SW_STOP and RC_SW_RUN then apply to 3000 µs minus the pulse.";
+        hand_over: number "RC_HAND_CH" = 0 in 0..=18, "Channel that hands the engine over to the lower source above 1700 µs: radio control is then present and commands nothing, but keeps the stop. 0: none.";
+        rpm_low: rpm_or_off "RC_RPM_MIN" = -1 in 0..=16_000_000, "Shaft speed at idle. The stick commands a shaft speed if RC_RPM_MIN and RC_RPM_MAX are both set.";
+        rpm_high: rpm_or_off "RC_RPM_MAX" = -1 in 0..=16_000_000, "Shaft speed at full throttle. Off: the stick commands a throttle.";
     }
 }
 
@@ -24,7 +24,7 @@ settings! {
     /// Settings of the outputs of an engine. Their pins are part of the wiring ([`crate::wiring`]): they are driven before settings can be
     /// read.
     pub struct OutputSettings, "outputs.", AtNextStart {
-        not_obeyed: ms_or_off "OUT_NOT_OBEYED" = 5000 in 1000..=60_000, "The valve closes when the ECU has not followed an order of standby for this time, beside the 3 s until that is known. Off: it stays open.";
+        not_obeyed: ms_or_off "OUT_NOT_OBEYED" = 5000 in 1000..=60_000, "The valve closes when the ECU has not followed a standby order for this time, plus the 3 s until that is detected. Off: it stays open.";
     }
 }
 

@@ -3,7 +3,7 @@
 //! After a reset the retained record may say that an engine runs, and its valve is opened before anything else. Where the firmware then
 //! crashes or hangs, again and again, nothing else ever closes it. So the time of starts that failed is summed up in memory that survives a
 //! reset. A start that has lived for [`LIVED`] clears the sum; a valve that is closed stays so. From [`LIMIT`] on the valve is closed, until the engine is at
-//! rest or started anew.
+//! rest or is started again.
 //!
 //! It is a time and not a number, because a crash right after the start is over in milliseconds: any number that ends a row of hangs within
 //! half a minute would end a row of crashes within a fraction of a second, and cut an engine that is in order. Resets that are not the

@@ -16,7 +16,7 @@ fn table(rows: &[Setting]) -> String {
         let default =
             if row.default == OFF && row.may_be_off { "off".into() } else { row.default.to_string() };
         let next = match row.effect {
-            Effect::AtNextStart => " Counts from the next start on.",
+            Effect::AtNextStart => " Takes effect at the next start.",
             Effect::UnlessTurning => " Refused while the engine turns.",
             _ => "",
         };

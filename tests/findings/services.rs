@@ -224,7 +224,7 @@ fn pump_is_closed_after_a_reset_with_an_emergency_stop() {
     assert_closed(&mut world, 5.0);
 }
 
-/// It is open "for a long time", and not for ever.
+/// It is open "for a long time", and not forever.
 #[test]
 fn pump_is_closed_after_its_time() {
     let mut world = pump_open();

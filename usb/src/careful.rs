@@ -4,7 +4,7 @@
 //! | what the host does | without this | with it |
 //! |---|---|---|
 //! | it asks about an endpoint that the chip lacks, or halts it | the driver panics | the answer is that the endpoint is not halted |
-//! | it goes away in the middle of a control transfer | the device waits for the rest for ever, and sees no reset of the bus | it waits for [`UNFINISHED`] |
+//! | it goes away in the middle of a control transfer | the device waits for the rest forever, and sees no reset of the bus | it waits for [`UNFINISHED`] |
 //! | it resets the bus after a suspend, and both are seen at once, the suspend last | the device takes itself for suspended, and answers no request | it looks whether the bus is suspended now |
 //!
 //! And a controller that reports the same again and again gets no more than one look each [`PAUSE`]: otherwise no other task of the executor

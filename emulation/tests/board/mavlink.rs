@@ -404,7 +404,7 @@ fn a_setting_stays_over_a_restart_by_command() {
             client.of(LEFT, PARAM_VALUE).find(|value| value.text(8, 16) == "LOSS_HOLD").expect("an answer");
         assert!(set.at < 13 * SECOND && set.float(0) == 2345.0, "{texts}");
         assert_eq!(client.answers(NODE, 13 * SECOND).first(), Some(&(246, ACCEPTED)), "{texts}");
-        assert!(report.logged("MAVLink: restart by command"));
+        assert!(report.logged("MAVLink: restarting on command"));
         assert_eq!(client.value(LEFT, "LOSS_HOLD"), Some(2345.0), "{texts}");
         assert_eq!(client.value(NODE, "MAV_GCS_2"), Some(9.0), "{texts}");
         assert!(!client.texts().iter().any(|text| text.contains("is not stored")), "{texts}");

@@ -281,7 +281,7 @@ fn valve_of_a_firmware_that_fails_at_each_start_is_closed_after_ten_seconds_of_i
         let closed = rows.iter().filter(|row| **row > 10 * SECOND).count();
         println!("{}: closed for the last {closed} of {crashes} starts", board.name);
         // The log says why, from the first start on that finds it closed.
-        let first = report.when("left: fuel valve closed: the firmware failed in start after start");
+        let first = report.when("left: fuel valve closed: the firmware failed in repeated starts");
         assert!(first > AGAIN + 9 * SECOND, "{first}");
         // Run is ordered all the time.
         assert_eq!(phases(&report), [Phase::Running; 2]);

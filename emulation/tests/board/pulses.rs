@@ -96,7 +96,7 @@ fn pulses_of_full_throttle_start_nothing() {
             .at(14 * SECOND, |bench| bench.pulses().stick = 0)
             .until(16 * SECOND)
             .go();
-        assert!(report.logged("radio control: frames are received"));
+        assert!(report.logged("radio control: receiving frames"));
         for (name, orders) in named(&report) {
             let starts = orders.iter().any(|(_, order)| matches!(order, Order::Run(_)));
             assert!(!starts, "{}, {name}", board.name);
@@ -170,7 +170,7 @@ fn noise_on_an_input_delays_no_reply_and_no_stick() {
         }
         // People see it, and that the pulses beside it are good.
         let rests: Vec<Nanos> =
-            report.lines("radio control: noise on an input for pulses, ").map(|line| line.at).collect();
+            report.lines("radio control: noise on a pulse input, ").map(|line| line.at).collect();
         assert!(rests.len() > 2 && rests[0] > NOISE, "{}", report.log_text());
         let received =
             report.lines("radio control: ").any(|line| line.text.contains(" good, 0 of them without a link"));

@@ -159,7 +159,7 @@ fn a_receiver_plugged_in_at_full_throttle_starts_nothing() {
                 .at(14 * SECOND, |bench| bench.radio().stick = 0)
                 .until(16 * SECOND)
                 .go();
-            assert!(report.logged("radio control: frames are received"));
+            assert!(report.logged("radio control: receiving frames"));
             for orders in orders(&report) {
                 assert!(orders.iter().all(|(_, order)| !matches!(order, Order::Run(_))), "{}", board.name);
                 // The stop of 9 s arrived: the switch is at work.

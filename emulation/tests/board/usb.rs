@@ -1,4 +1,4 @@
-//! An image with USB. The emulator has no USB controller: its registers have the values that a reset leaves, and report a suspend for ever. So
+//! An image with USB. The emulator has no USB controller: its registers have the values that a reset leaves, and report a suspend forever. So
 //! this is what a board does whose controller answers nonsense: it serves everything else. Nothing of USB itself is shown, nor that it
 //! stays off where the controller or its supply do not get ready.
 

@@ -50,7 +50,7 @@ impl Engine {
         self.ecu.by_rpm()
     }
 
-    /// How long without commands its ECU runs it; `None`: for ever.
+    /// How long without commands its ECU runs it; `None`: forever.
     pub fn stops_without_commands(&self) -> Option<Duration> {
         self.ecu.stops_without_commands().map(Duration::from_nanos)
     }

@@ -251,7 +251,8 @@ fn stage(
 fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
     let end = EndRequest::by_signals()?;
     let names: Vec<&'static str> = order.setup.engines.iter().map(Engine::name).collect();
-    let about = format!("jetlink {}, seed {}; all is simulated", env!("CARGO_PKG_VERSION"), order.setup.seed);
+    let about =
+        format!("jetlink {}, seed {}; everything is simulated", env!("CARGO_PKG_VERSION"), order.setup.seed);
     let report = args.report.as_deref().map(|path| Report::new(path, about, &end));
     let files = match (files(args, order, &names, &end), end.requested()) {
         (Ok(files), _) => files,

@@ -42,11 +42,11 @@ Engines:
   two AMT engines at 2400 baud and two ZK engines, one at 9600 baud with version 4, one at 115200 baud with
   version 5 that is commanded by rpm.
 
-Faults, a list with commas:
+Faults, a comma-separated list:
   light, heavy          sets of the following
   noise=SHARE           of the bytes arrive with inverted bits (0.02 is 2 %)
-  lose=, add=, framing= share of the bytes that are lost, that another one follows, that break their frame
-  jitter=TIME, delay=TIME   bytes arrive later, at random by up to, or always by this (3ms)
+  lose=, add=, framing= share of the bytes that are lost, that are followed by another, that break their frame
+  jitter=TIME, delay=TIME   bytes arrive later, by a random time up to this, or always by this (3ms)
   from=TIME, until=TIME     when the above begin and end (default: from the start until 15 s before the first
                             shutdown, so that recovery is seen and judged)
   cut=ENGINE@TIME+LENGTH    cuts a line (left@40s+5s)
@@ -59,7 +59,7 @@ Faults, a list with commas:
 
 Scenarios:
   --scenario NAME plays one of --list-scenarios with engines of its own, live or with --fast. It has a list of
-  expected events, and judges by what was on the wires and what the simulated engines did whether they occurred.
+  expected events, and checks them against the wires and the simulated engines.
 
 CSV columns, a row for each engine every 0.1 s, empty where the ECU has reported nothing for 2 s:
   t_s, engine, phase (of the run), state (as the ECU names it), rpm, egt_c, command (standby or run),
@@ -95,12 +95,12 @@ Exit status:
      events occurred
   1  otherwise, or a file could not be written
   2  a wrong option
-  A run that is ended early completes its files and prints the summary so far. That is no failure: the status is
+  A run that is ended early completes its files and prints the summary so far. This is not a failure: the status is
   0 after q, 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP, and 1 only if something had gone wrong before.
 
 Time:
-  All is simulated in virtual time. Without --fast that is held back to real time. A computer that is too busy
-  delays the run and does not change it: the same seed gives the same result, live and with --fast."];
+  Everything is simulated in virtual time. Without --fast it is paced to real time. A busy computer delays the run
+  but does not change it: the same seed gives the same result, live and with --fast."];
 
 fn help() -> String {
     HELP.join(&engines::HELP.concat())
@@ -114,7 +114,7 @@ pub struct Args {
     #[arg(long = "engine", value_name = "DESCRIPTION")]
     pub engines: Vec<String>,
 
-    /// As quick as the machine allows, instead of in real time
+    /// Run as fast as the machine allows, instead of in real time
     #[arg(long)]
     pub fast: bool,
 
@@ -166,7 +166,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["engines", "duration", "standby", "faults", "seed", "scenario"])]
     pub script: Option<String>,
 
-    /// Write what was done by key into this file, to be played again with --script
+    /// Save what was done by key to this file, for replay with --script
     #[arg(long, value_name = "FILE", conflicts_with_all = ["scenario", "mavlink"])]
     pub save_script: Option<String>,
 
@@ -174,7 +174,7 @@ pub struct Args {
     #[arg(long, value_name = "TIME", hide = true)]
     pub panic_at: Option<String>,
 
-    /// Play something that goes wrong, and judge what happens
+    /// Play a failure scenario and judge what happens
     #[arg(long, value_name = "NAME", conflicts_with_all = ["engines", "duration", "standby", "faults"])]
     pub scenario: Option<String>,
 
@@ -190,11 +190,11 @@ pub struct Args {
     #[arg(long, conflicts_with_all = ["script", "scenario"])]
     pub valves: bool,
 
-    /// For tests: engine time passes this many times as fast
+    /// For tests: speed factor of engine time
     #[arg(long, value_name = "NUMBER", hide = true, conflicts_with = "fast")]
     pub speed: Option<u32>,
 
-    /// Explain each scenario in a line
+    /// List the scenarios with a line of explanation each
     #[arg(long)]
     pub list_scenarios: bool,
 }

@@ -56,7 +56,7 @@ pub struct Setup {
     pub scenario: Option<&'static Scenario>,
     /// Seed for all random numbers.
     pub seed: u64,
-    /// As quick as the machine allows, instead of real time.
+    /// As fast as the machine allows, instead of in real time.
     pub fast: bool,
     /// Somebody looks at every detail, the bytes on the wires included.
     pub details: bool,
@@ -274,7 +274,8 @@ impl<'a> World<'a> {
                 }
                 turn.wishes.into_iter().for_each(|(engine, wish)| self.player.wish(engine, wish));
                 let passing = turn.passing.map(Message::Passing);
-                let continues = self.notes.take().into_iter().map(Message::from).chain(passing).all(&mut *show);
+                let continues =
+                    self.notes.take().into_iter().map(Message::from).chain(passing).all(&mut *show);
                 if turn.end || !continues {
                     return self.ended(complete, turn.over);
                 }

@@ -30,12 +30,15 @@ pub fn create(path: &str, end: &EndRequest) -> io::Result<File> {
             Err(RecvTimeoutError::Timeout) => {}
         }
         if end.requested().is_some() && ended.get_or_insert_with(Instant::now).elapsed() >= GRACE {
-            return Err(io::Error::new(ErrorKind::Interrupted, "the run ended before a reader opened the pipe"));
+            return Err(io::Error::new(
+                ErrorKind::Interrupted,
+                "the run ended before a reader opened the pipe",
+            ));
         }
         if !reported && began.elapsed() >= QUIET {
             reported = true;
             // Nothing can be done if this cannot be written either.
-            let _ = writeln!(io::stderr(), "jetlink rig: waits for a reader of {path}");
+            let _ = writeln!(io::stderr(), "jetlink rig: waiting for a reader of {path}");
         }
     }
 }

@@ -141,7 +141,7 @@ STAMP = 36_500_000_000_000
 
 
 def signing(ground, plane):
-    """What is not signed moves nothing, but by USB: the ground station's port, which only this computer reaches."""
+    """What is not signed moves nothing, except over USB: the ground station's port, which only this computer reaches."""
 
     def set_up(peer, key, text):
         mark = len(peer.received)
@@ -162,11 +162,11 @@ def signing(ground, plane):
     unsigned = threshold(200).pack(plane.mav)
     plane.armed = False
     wait(5)
-    set_up(plane, KEY, "by USB")
+    set_up(plane, KEY, "over USB")
     assert Ground.set(plane, RIGHT, "LOSS_THR", 120) == 120, "without a key"
     set_up(ground, KEY, "signing key set")
     ignored(unsigned)
-    assert ground.set(RIGHT, "LOSS_THR", 130) == 130, "by USB"
+    assert ground.set(RIGHT, "LOSS_THR", 130) == 130, "over USB"
     for peer in (ground, plane):
         peer.sign(KEY, STAMP)
     wait(1)

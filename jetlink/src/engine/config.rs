@@ -140,7 +140,7 @@ macro_rules! limits {
                     may_be_off: false,
                     effect: Effect::AtOnce,
                     parameter,
-                    text: "Action, beside the report.",
+                    text: "Action, in addition to the report.",
                     symbol: symbol!(action),
                     message: concat!("a limit's action: ", symbol!(action)),
                 }

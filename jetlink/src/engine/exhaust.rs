@@ -166,7 +166,7 @@ impl Exhaust {
     }
 
     /// Whether a lower demand excuses a fall. The excuse is used up by as much time as it was needed for, and comes back by as much
-    /// as it was not: a demand that goes up and down does not excuse a cold exhaust for ever.
+    /// as it was not: a demand that goes up and down does not excuse a cold exhaust forever.
     fn excuse(&mut self, now: Instant, fall: Fall) -> bool {
         let passed = self.seen.replace(now).map_or(0, |seen| now.saturating_duration_since(seen).as_ticks());
         let used = self.excused.as_ticks();

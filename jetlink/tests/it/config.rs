@@ -241,7 +241,7 @@ fn a_link_that_could_never_be_up_is_refused() {
     }
 }
 
-/// Every duration and rate of the table has a range, and its ends are inside. Durations without end ("hold for ever")
+/// Every duration and rate of the table has a range, and its ends are inside. Durations without end ("hold forever")
 /// would overflow in flight.
 #[test]
 fn every_field_has_a_range() {

@@ -58,7 +58,11 @@ fn reported_after(scenario: &mut Scenario, frames: u32, values: Values) -> Vec<(
     scenario.fly_us(run(50), Origin::Rc, u64::from(frames) * FRAME_PERIOD_US);
     scenario.values = before;
     scenario.fly_us(run(50), Origin::Rc, 2 * SECOND);
-    scenario.violations().into_iter().map(|violation| (violation.kind, violation.value, violation.limit)).collect()
+    scenario
+        .violations()
+        .into_iter()
+        .map(|violation| (violation.kind, violation.value, violation.limit))
+        .collect()
 }
 
 /// Two values in a row beyond a limit are reported, with both numbers; one is not; and a value at the limit never.

@@ -627,7 +627,10 @@ fn a_start_times_out_after_twice_the_ecus_own_start_up_time() {
     assert_eq!(scenario.order(), Order::Standby);
     let violations = scenario.violations();
     let limit = i32::try_from(twice / 1000).unwrap();
-    assert_eq!((violations[0].kind, violations[0].value, violations[0].limit), (LimitKind::StartTimeout, limit, limit));
+    assert_eq!(
+        (violations[0].kind, violations[0].value, violations[0].limit),
+        (LimitKind::StartTimeout, limit, limit)
+    );
     assert_eq!(violations[0].at, at_us(start + twice));
 }
 

@@ -174,7 +174,7 @@ fn a_stop_is_released_only_when_the_engine_has_stopped() {
     }
 }
 
-/// AMT-8: an ECU that reports errors and nothing else gives no state: its last one must not keep the stop for ever.
+/// AMT-8: an ECU that reports errors and nothing else gives no state: its last one must not keep the stop forever.
 #[test]
 fn amt_8_a_stop_can_be_released_while_the_ecu_reports_errors() {
     let mut scenario = Scenario::started(Ecu::Amt, percent(0));

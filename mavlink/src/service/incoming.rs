@@ -137,7 +137,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     fn vehicle_event(&mut self, now: Instant, event: Option<VehicleEvent>) {
         match event {
             Some(VehicleEvent::Learnt(id)) => {
-                let when = if self.vehicle.id() == Some(id) { "" } else { " from the next start on" };
+                let when = if self.vehicle.id() == Some(id) { "" } else { " from the next start" };
                 let text = format_args!("autopilot is system {}{when}", u32::from(id));
                 self.say(now, Place::Node, Severity::Info, None, text);
                 self.store_learnt(id);

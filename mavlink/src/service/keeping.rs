@@ -23,7 +23,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         self.keeping = keeping;
     }
 
-    /// Reports that the stored settings are damaged: nothing is obeyed but a stop, and what comes by USB but a start, until a person confirms
+    /// Reports that the stored settings are damaged: nothing is obeyed but a stop and, over USB, everything but a start, until a person confirms
     /// that the defaults, or what was set since, are right (service 30).
     pub fn set_damaged(&mut self, damaged: bool) {
         self.damaged = damaged.into();
@@ -31,8 +31,8 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         self.attached.set_damaged(damaged);
     }
 
-    /// Reports that the stored settings are damaged, and that those of before the reset count, which RAM has retained: all is obeyed. They are
-    /// stored anew when a person confirms them.
+    /// Reports that the stored settings are damaged, and that the ones that RAM has retained over the reset apply: everything is obeyed. They are
+    /// stored again when a person confirms them.
     pub fn set_retained(&mut self) {
         self.set_damaged(true);
         self.are_retained = true;
@@ -48,20 +48,20 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         if self.damaged == 0 {
             self.damaged = DAMAGED_EVERY;
             let text = match self.are_retained {
-                true => "stored settings DAMAGED: confirm those of now by USB",
+                true => "stored settings DAMAGED: confirm the current ones over USB",
                 false => "settings DAMAGED: only stops are obeyed",
             };
             self.say(now, Place::Node, Severity::Critical, None, format_args!("{text}"));
         }
     }
 
-    /// Confirms the present settings: all are stored anew, and count as damaged until they are.
+    /// Confirms the current settings: all are stored again, and count as damaged until they are.
     #[cfg(feature = "signing")]
     pub(super) fn confirm_settings(&mut self, at_board: bool) -> Result<(), Refusal> {
         if !self.has_to_be_confirmed() {
             return Err(Refusal::NotDamaged);
         }
-        // Where they are lost, only what comes by USB has got here.
+        // Where they are lost, only what comes over USB has got here.
         if self.are_retained && !at_board {
             return Err(Refusal::Damaged);
         }
@@ -75,7 +75,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         Ok(())
     }
 
-    /// Takes the result where all records were stored anew.
+    /// Takes the result of storing all records again.
     #[cfg(feature = "signing")]
     pub fn stored_anew(&mut self, now: Instant, result: Result<(), NotSaved>) {
         // What was begun before the confirmation is not its result.
@@ -118,7 +118,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         }
     }
 
-    /// Whether all records have to be stored anew. Returned once.
+    /// Whether all records have to be stored again. Returned once.
     pub fn take_anew(&mut self) -> bool {
         #[cfg(feature = "signing")]
         return core::mem::take(&mut self.anew);
@@ -197,7 +197,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
             if let Err(why) = result
                 && self.cover.says(why)
             {
-                let text = "signing is not stored: a loss of power brings back the key and time of before";
+                let text = "signing is not stored: a loss of power restores the previous key and time";
                 self.say(now, Place::Node, Severity::Warning, None, format_args!("{text}"));
             }
             return;
@@ -233,13 +233,13 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
             Ok(()) => {
                 self.counters.parameters_set = self.counters.parameters_set.wrapping_add(1);
                 if self.keeping == Keeping::Lost {
-                    let what = format_args!("{name} is not stored: a loss of power loses it");
+                    let what = format_args!("{name} is not stored: it is lost with the power");
                     self.say(now, place, Severity::Warning, Some(port), what);
                 } else {
                     let when = match row.effect {
-                        Effect::AtNextStart => Some("counts from the node's next start on"),
+                        Effect::AtNextStart => Some("takes effect at the node's next start"),
                         Effect::AtRest if self.link_settings_wait(place) => {
-                            Some("waits until the engine is at rest")
+                            Some("takes effect when the engine is at rest")
                         }
                         _ => None,
                     };

@@ -113,9 +113,9 @@ pub struct Service<'a, const N: usize, const P: usize, A: Attached = Nothing> {
     keeping: Keeping,
     /// The stored settings are damaged, and nobody has confirmed the present ones: heartbeats until a text says so again. 0: they are not.
     damaged: u8,
-    /// The present ones are those of before the reset all the same.
+    /// The current ones were nevertheless retained over the reset.
     are_retained: bool,
-    /// All records have to be stored anew, as the settings were confirmed.
+    /// All records have to be stored again, because the settings were confirmed.
     #[cfg(feature = "signing")]
     anew: bool,
     /// They are being stored.

@@ -14,7 +14,7 @@ use crate::signing::{Ignored, Key, Signature, Stamp};
 use embassy_time::Instant;
 
 impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
-    /// Whether a frame may do anything now. With a key, only what is signed and new; by USB everything may.
+    /// Whether a frame may do anything now. With a key, only what is signed and new; over USB everything may.
     pub(super) fn admits(&mut self, now: Instant, port: usize, frame: &Frame) -> bool {
         if self.signing.key().is_none() {
             return true;
@@ -97,7 +97,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
                 Place::Node,
                 Severity::Notice,
                 Some(port),
-                format_args!("signing key set: what does not come by USB has to be signed"),
+                format_args!("signing key set: all but USB must be signed"),
             ),
             Ok(false) => self.say(
                 now,

@@ -174,7 +174,7 @@ fn settings_of_what_is_attached_are_set_refused_and_stored_as_records_of_their_o
         assert_eq!(world.set(ENGINE[1], "TOY_A", 5.0).await, (Some(5.0), String::new()));
         assert_eq!(*world.toy.numbers.borrow(), [[0; 3], [5, 0, 0]]);
         let (echo, text) = world.set(ENGINE[1], "TOY_C", 7.0).await;
-        assert!(echo == Some(7.0) && text.contains("TOY_C counts from the node's next start on"), "{text}");
+        assert!(echo == Some(7.0) && text.contains("TOY_C takes effect at the node's next start"), "{text}");
         for (value, why) in [(101.0, "use 0 to 100, or -1"), (99.0, "not 99"), (0.5, "whole number")] {
             let (echo, text) = world.set(ENGINE[1], "TOY_A", value).await;
             assert!(echo == Some(5.0) && text.contains(why), "{text}");

@@ -36,7 +36,7 @@ fn each_condition_of_a_start_is_named() {
         world.pass(6.0).await;
         let (answer, text) = world.control(0, &[1.0]).await;
         assert_eq!(answer, NOT_NOW);
-        assert!(text.contains("no throttle is received"), "{text}");
+        assert!(text.contains("no throttle received"), "{text}");
         world.throttle(IDLE_US);
         world.pass(6.0).await;
         // The refusals are forgotten: none of it starts anything later.
@@ -349,7 +349,7 @@ fn without_a_demand_source_the_commanding_station_keeps_the_order_alive() {
         world.pass(10.0).await;
         let (answer, text) = world.control(1, &[1.0]).await;
         assert_eq!(answer, NOT_NOW);
-        assert!(text.contains("no heartbeat of the commanding system"), "{text}");
+        assert!(text.contains("no heartbeat from the commanding system"), "{text}");
         world.ground.set(true);
         world.pass(6.0).await;
         world.start(1).await;
@@ -476,7 +476,7 @@ fn damaged_settings_grant_no_start_until_a_person_confirms_them() {
         let away = world.command_from(TO_AUTOPILOT, GROUND, (SYSTEM, NODE), USER, 0, CONFIRM_SETTINGS);
         let (answer, text) = away.await;
         assert_eq!((answer, world.service.borrow_mut().take_anew()), (NOT_NOW, false), "{text}");
-        assert!(text.contains("by USB"), "{text}");
+        assert!(text.contains("over USB"), "{text}");
         let (answer, text) = world.command(NODE, USER, CONFIRM_SETTINGS).await;
         assert_eq!((answer, world.service.borrow_mut().take_anew()), (ACCEPTED, true), "{text}");
         world.service.borrow_mut().stored_anew(embassy_time::Instant::now(), Ok(()));

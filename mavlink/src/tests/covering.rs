@@ -182,7 +182,7 @@ fn a_store_that_fails_refuses_at_rest_and_does_not_keep_an_engine_from_a_relight
             fails(world, why);
             world.pass(0.2).await;
             let (acks, texts) = answers(world, at);
-            let text = if why == NotSaved::Full { "the store is full" } else { "cannot be stored" };
+            let text = if why == NotSaved::Full { "the storage is full" } else { "cannot be stored" };
             assert!(acks == [Ack::TemporarilyRejected as u8] && texts.contains(text), "{acks:?} {texts}");
             assert_eq!(world.telemetry(0).ordered.order, Order::Standby);
         }
@@ -335,7 +335,7 @@ fn after_a_power_cut_at_any_write_or_erase_no_stamp_goes_back_and_no_key_is_lost
                     // What came before covers 10 s.
                     world.stamp.set(world.stamp.get() + 1_500_000);
                     let value = (1000 + 10 * round + i) as i32;
-                    // Not by USB.
+                    // Not over USB.
                     world.say(TO_AUTOPILOT, GROUND, &set(value as f32));
                     let stamp = world.stamp.get();
                     save(world, &mut store);

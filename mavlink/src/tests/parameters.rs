@@ -174,7 +174,7 @@ fn settings_of_a_link_wait_until_the_engine_is_at_rest() {
         world.start(1).await;
         let (echo, text) = world.set(ENGINE[1], "LINK_LOST", 2000.0).await;
         assert_eq!(echo, Some(2000.0));
-        assert!(text.contains("LINK_LOST waits until the engine is at rest"), "{text}");
+        assert!(text.contains("LINK_LOST takes effect when the engine is at rest"), "{text}");
         let (echo, text) = world.set(ENGINE[0], "AMT_GUARD", 30_000.0).await;
         assert_eq!(echo, Some(500.0));
         assert!(text.contains("the baud rate leaves no time for this value"), "{text}");
@@ -188,7 +188,7 @@ fn what_moves_an_engine_is_refused_while_one_turns() {
         assert_eq!(world.set(NODE, "MAV_GCS_2", 254.0).await.0, Some(254.0));
         let (echo, text) = world.set(NODE, "MAV_COMP_BASE", 30.0).await;
         assert_eq!(echo, Some(30.0));
-        assert!(text.contains("counts from the node's next start on"), "{text}");
+        assert!(text.contains("takes effect at the node's next start"), "{text}");
         world.start(1).await;
         for (component, name, value, old) in [
             (ENGINE[1], "MAV_THR_OUT", 1.0, 4.0),

@@ -1,4 +1,4 @@
-//! A node with a key: what is not signed moves nothing, and the key is set by USB only.
+//! A node with a key: what is not signed moves nothing, and the key is set over USB only.
 
 use super::world::*;
 use crate::dialect::*;
@@ -291,7 +291,7 @@ fn the_key_is_set_and_cleared_by_usb_with_all_engines_at_rest() {
         assert_eq!(counted(world), SigningCounters { setups_refused: 2, ..NOTHING });
         let (has, texts) = set_up(world, TO_GROUND, &bytes(SETUP)).await;
         assert!(has && texts.contains("signing key set"), "{texts}");
-        // The autopilot has no key yet; what comes by USB needs none, and what is sent is signed from here on.
+        // The autopilot has no key yet; what comes over USB needs none, and what is sent is signed from here on.
         world.pass(5.0).await;
         assert!(counted(world).not_signed > 50);
         let (answer, texts) = world.control(0, &[1.0]).await;

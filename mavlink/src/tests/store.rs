@@ -540,7 +540,7 @@ fn a_setting_is_answered_when_it_is_stored_and_is_as_before_if_it_cannot_be() {
         world.service.borrow_mut().set_keeping(Keeping::Stored);
         for (result, value, why) in [
             (Ok(()), 2500, ""),
-            (Err(NotSaved::Full), 2500, "LOSS_HOLD not set: the store is full"),
+            (Err(NotSaved::Full), 2500, "LOSS_HOLD not set: the storage is full"),
             (Err(NotSaved::Failed), 2500, "LOSS_HOLD not set: it cannot be stored"),
         ] {
             let new = if result.is_ok() { 2500.0 } else { 3000.0 };

@@ -298,7 +298,7 @@ fn a_vehicle_that_was_learnt_is_known_at_once_after_a_reset_in_flight() {
         let (answer, texts) = world.command(ENGINE[1], CMD_USER_1, &[1.0, 21196.0]).await;
         assert_eq!(answer, Some(0), "an emergency stop: {texts}");
         assert!(world.telemetry(1).stop_latched);
-        // Another vehicle counts from the node's next start on, and not while ours is there.
+        // Another vehicle is accepted from the node's next start, and not while ours is there.
         world.pass(40.0).await;
         let (answer, _) = world.command(ENGINE[1], CMD_USER_1, &[2.0, 21196.0]).await;
         assert_eq!(answer, Some(0));
@@ -308,7 +308,7 @@ fn a_vehicle_that_was_learnt_is_known_at_once_after_a_reset_in_flight() {
         world.pass(30.0).await;
         assert_eq!(world.service.borrow().system_id(), Some(SYSTEM));
         assert_eq!(world.service.borrow().settings().identity.learnt, SYSTEM + 1);
-        assert!(world.texts().contains("autopilot is system 4 from the next start on"));
+        assert!(world.texts().contains("autopilot is system 4 from the next start"));
         world.restart_service();
         assert_eq!(world.service.borrow().system_id(), Some(SYSTEM + 1));
     });

@@ -281,7 +281,7 @@ fn an_engine_that_the_node_itself_stops_in_doubt_is_judged_by_its_state_alone() 
     }
 }
 
-/// The firmware failed in start after start: the valve of an engine that ran is closed, and no order but a new start
+/// The firmware failed in repeated starts: the valve of an engine that ran is closed, and no order but a new start
 /// opens it before the engine is at rest, because its flame is out.
 #[test]
 fn a_valve_that_was_closed_for_failed_starts_stays_closed_until_the_engine_is_at_rest() {

@@ -136,7 +136,7 @@ fn calibration_of_stick_and_switch_is_refused_while_the_engine_turns() {
             let before = parameters.number(0, row.name).unwrap();
             assert_eq!(parameters.set(0, row.name, before), Err(Refusal::Turns), "{}", row.name);
         }
-        assert_eq!(parameters.set(0, "OUT_NOT_OBEYED", 8000), Ok(()), "it counts from the next start on");
+        assert_eq!(parameters.set(0, "OUT_NOT_OBEYED", 8000), Ok(()), "it takes effect at the next start");
         assert_eq!(parameters.number(0, "OUT_NOT_OBEYED"), Some(8000));
     };
     let work = embassy_futures::join::join(plug.run(), channel.runner().run(rx, tx, &ERRORS));

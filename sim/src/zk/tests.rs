@@ -384,7 +384,10 @@ fn sw_0_hands_the_engine_to_the_pwm_input() {
     let mut bench = Bench::running(4);
     bench.ecu.set_pwm(Some(Pwm { switch: Switch::Run, throttle: 500 }));
     bench.wait(5000);
-    assert!((bench.ecu.turbine().rpm() - 50_000.0).abs() < 100.0, "the UART is in control, the PWM input is ignored");
+    assert!(
+        (bench.ecu.turbine().rpm() - 50_000.0).abs() < 100.0,
+        "the UART is in control, the PWM input is ignored"
+    );
     bench.host(&[control(0, 0)]).wait(10_000);
     assert_eq!(bench.ecu.controlled_by(), ControlledBy::Pwm);
     assert!((bench.ecu.turbine().rpm() - 105_000.0).abs() < 100.0);

@@ -104,7 +104,7 @@ impl Case<'_> {
             let and_next = h.frames_within(at.saturating_sub(NOT_OBEYED), at + LATE + 2 * h.rules.period);
             let ended = and_next.iter().any(|frame| frame.sent.switch() == Some(Switch::Standby));
             if begins.is_some_and(|reset| self.failed_before(reset.up, COUNTS_MORE) >= MAY_CLOSE) {
-                self.verdict.exempt("the firmware failed in start after start", at - known);
+                self.verdict.exempt("the firmware failed in repeated starts", at - known);
                 continue;
             }
             // The stages of loss end in standby. In a loop of short resets the valve closes before a frame is due.
@@ -139,7 +139,7 @@ impl Case<'_> {
         failed
     }
 
-    /// A firmware that fails at each start does not hold a valve open for ever.
+    /// A firmware that fails at each start does not hold a valve open forever.
     fn failed_starts_close_it(&mut self) {
         let open = self.h.pin_is(Pin::Open);
         for reset in self.h.resets.clone() {

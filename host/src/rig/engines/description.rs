@@ -86,7 +86,7 @@ pub trait Described: Copy {
     /// Whether its ECU follows a speed.
     fn has_speed_control(self) -> bool;
 
-    /// How long without commands it runs an engine; `None`: for ever.
+    /// How long without commands it runs an engine; `None`: forever.
     fn stops_without_commands(self) -> Option<Nanos>;
 
     /// Interval of the node's send slots; `None` where it only replies to frames of its ECU.

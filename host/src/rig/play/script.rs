@@ -107,9 +107,9 @@ impl Script {
                 "rc" => script.header.rc = Some(rest.to_owned()),
                 time => {
                     let seconds: f64 =
-                        time.parse().map_err(|_| wrong("it begins with no time in seconds"))?;
+                        time.parse().map_err(|_| wrong("it does not begin with a time in seconds"))?;
                     if !(0.0..=30.0 * 86_400.0).contains(&seconds) {
-                        return Err(wrong("it begins with no time in seconds"));
+                        return Err(wrong("it does not begin with a time in seconds"));
                     }
                     let at = Duration::from_micros((seconds * 1e6).round() as u64);
                     if at < last {

@@ -164,7 +164,7 @@ impl<'a> ScenarioContext<'a> {
         }
     }
 
-    /// Commands this engine for ever, and writes down what the simulated one does.
+    /// Commands this engine forever, and writes down what the simulated one does.
     pub async fn sit(&self, engine: usize) {
         let (Some(source), Some(context)) = (self.sources.get(engine), self.contexts.get(engine)) else {
             return;

@@ -85,7 +85,7 @@ pub async fn two_engines_one_fails(c: &ScenarioContext<'_>) -> Result<(), String
     c.must(
         c.events_since(1, shut, |event| event == Event::OtherFailed(0)) == 1
             && c.events_since(1, out, |event| event == Event::OtherFailed(0)) == 1,
-        "right: reported that none counts as failed any more when left was shut down, and not before",
+        "right: reported that no engine is considered failed when left was shut down, and not before",
     );
     c.must(
         all(&c.transmitted(1, out, commanded_at), WireCommand::Run(600))

@@ -103,8 +103,10 @@ pub async fn hot_start(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.event();
     c.mark("the ECU stops the hot start; run is still commanded");
     let tripped = c.now();
-    let reported =
-        c.reported(0, |event| matches!(event, Event::Limit(violation) if violation.kind == LimitKind::HotStart));
+    let reported = c.reported(
+        0,
+        |event| matches!(event, Event::Limit(violation) if violation.kind == LimitKind::HotStart),
+    );
     c.must(reported, "left: the hot start was reported before the ECU stopped it");
     c.sleep(10.0).await;
     c.ecu(0, |ecu| ecu.turbine_mut().hot_start(false));
@@ -309,7 +311,7 @@ pub async fn reset_in_flight(c: &ScenarioContext<'_>) -> Result<(), String> {
             let first =
                 after.iter().find(|frame| frame.command != WireCommand::Nothing).map_or(0, |frame| frame.to);
             let gap = first.saturating_sub(last);
-            // The simulated AMT ECU waits 2 s; a ZK ECU from version 5 for ever (ZK-10).
+            // The simulated AMT ECU waits 2 s; a ZK ECU from version 5 forever (ZK-10).
             c.must(
                 first > 0 && gap < 2 * SECOND,
                 format!(

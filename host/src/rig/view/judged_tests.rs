@@ -82,7 +82,7 @@ fn a_script_does_not_begin_anew_while_a_stop_is_latched() {
     assert_eq!(texts.iter().filter(|text| **text == reason).count(), 1, "{texts:?}");
     assert!(!texts.iter().any(|text| text.contains("NOT REACHED")), "{texts:?}");
     assert!(played.model.verdict.is_none() && played.outcomes.length >= Duration::from_secs(75));
-    // A file without an end does not give the engine back by that, and does not wait for ever where a cut wire keeps the stop
+    // A file without an end does not give the engine back by that, and does not wait forever where a cut wire keeps the stop
     // from being released.
     let stop = "60 all emergency-stop\n";
     let error = run("latched", &format!("{ZK}{stop}70 all script\n")).err().expect("refused");

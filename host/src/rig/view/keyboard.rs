@@ -1,5 +1,5 @@
 //! What a person does at the terminal, read in a thread of its own: where a terminal goes away in the middle of a read, crossterm
-//! reads on for ever (0.29, `event/source/unix/mio.rs`), and the screen must not wait for it.
+//! reads on forever (0.29, `event/source/unix/mio.rs`), and the screen must not wait for it.
 
 use crossterm::event::{Event, poll, read};
 use std::sync::mpsc::{Receiver, Sender, channel};

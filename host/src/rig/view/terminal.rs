@@ -190,7 +190,7 @@ impl Screen {
     pub fn events(&self) -> String {
         let mut text = String::from("\nEvents\n");
         if self.model.dropped > 0 {
-            text += &format!("({} earlier events are not kept)\n", self.model.dropped);
+            text += &format!("({} earlier events were dropped)\n", self.model.dropped);
         }
         // Of a terminal that is gone nothing is known, and nobody reads.
         let width = size().map_or(usize::MAX, |(width, _)| width.into());

@@ -426,7 +426,7 @@ fn colours_are_by_state_and_can_be_left_out() {
     assert!(reversed);
 }
 
-/// What is wrong or needs a look is marked where there are no colours, and only there.
+/// What is wrong or needs attention is marked where there are no colours, and only there.
 #[test]
 fn without_colours_a_mark_shows_what_is_wrong() {
     for (name, key, marks) in [("quiet", '?', 0), ("held", 's', 2), ("stopped", ' ', 2)] {

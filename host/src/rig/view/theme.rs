@@ -76,7 +76,7 @@ impl Theme {
         }
     }
 
-    /// What follows a text where no colour shows what it is about: that it needs a look, or that a value is old.
+    /// What follows a text where no colour shows what it is about: that it needs attention, or that a value is old.
     pub const fn sign(self, tone: Tone) -> Option<char> {
         match tone {
             _ if self.colours => None,

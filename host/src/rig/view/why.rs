@@ -34,7 +34,7 @@ pub fn draw(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
     }
     if let Some(hidden) = lines.len().checked_sub(height).filter(|hidden| *hidden > 0) {
         lines.truncate(height.saturating_sub(1));
-        let text = format!("{} more lines: they need a higher screen", hidden + 1);
+        let text = format!("{} more lines: they need a taller screen", hidden + 1);
         lines.push(Line::from(Span::styled(text, theme.style(Tone::Warn))));
     }
     frame.render_widget(Paragraph::new(lines), inside);

@@ -15,7 +15,7 @@ settings! {
     pub struct Config, "ecu.", AtRest {
         start_throttle: throttle "AMT_START_THR" = 0 in 0..=1000, "Throttle sent with \"run\" until the ECU reports full operation: some ECUs require the stick up for a start (AMT-14).";
         reply_guard: us "AMT_GUARD" = 500 in 0..=30_000, "Time left free at the end of the reply window, for the difference between two clocks.";
-        serial_delay: ms "AMT_SER_DELAY" = 4000 in 500..=60_000, "The ECU's serial delay time: without a reply in this time it stops its turbine by itself (AMT-12). After a longer silence of the ECU, nothing that was in force before is sent. Set it to what is set in the ECU.";
+        serial_delay: ms "AMT_SER_DELAY" = 4000 in 500..=60_000, "The ECU's serial delay time: without a reply in this time it stops its turbine on its own (AMT-12). After a longer silence of the ECU, nothing that was in force before is sent. Set it to the value set in the ECU.";
         half_idle: raw "AMT_HALF_IDLE" = 20 in 1..=254, "Half of the idle speed, in the raw unit of Data 2 (500 or 700 rpm, AMT-5), because the ECU gives no idle speed. An engine whose shaft turns slower is not running. 20 is 10 000 rpm of an Olympus, which idles at 36 000 rpm and lights at 6000 rpm.";
     }
     groups {

@@ -3,7 +3,7 @@
 use super::*;
 
 /// "Doubt acts at once ... one report that does not fit a living engine puts the life in doubt", "The shaft speed in every
-/// ZK status and AMT normal set may raise doubt": an engine whose shaft is at rest is not sent run for ever.
+/// ZK status and AMT normal set may raise doubt": an engine whose shaft is at rest is not sent run forever.
 #[test]
 fn amt_a_shaft_at_rest_raises_doubt_in_any_state() {
     for state in [0b00100, 0b01000, 0b11111] {

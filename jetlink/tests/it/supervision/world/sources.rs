@@ -111,7 +111,7 @@ impl Rig {
                     if !truth.live && !truth.standby {
                         source.ready_since = None;
                     }
-                    // Not for ever, if nothing comes of it.
+                    // Not forever, if nothing comes of it.
                     if source.ready_since.is_some_and(|since| now > since + 4 * SECOND) && !truth.live {
                         source.ready_since = None;
                     }
