@@ -1,5 +1,5 @@
 //! The drawing of the wiring, docs/wiring.svg: its side of the board is made from the table. `JETLINK_WRITE=1 cargo test -p
-//! boards` writes it anew.
+//! boards` rewrites it.
 
 use boards::{BOARDS, Board};
 use std::fmt::Write;

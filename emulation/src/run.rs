@@ -444,7 +444,7 @@ impl Bench<'_> {
         place.drop_next();
     }
 
-    /// Switches the transmitter of a port's UART off while it sends. It works again once the firmware sets the UART up anew.
+    /// Switches the transmitter of a port's UART off while it sends. It works again once the firmware sets the UART up again.
     pub fn stop_transmitter(&mut self, port: &str) {
         // CR1; its bit TE is the same on both parts.
         let control = self.board.port(port).registers() + self.board.control_register;

@@ -173,7 +173,7 @@ impl<const N: usize> Port<N> {
         }
     }
 
-    /// Begins anew, for somebody who knows nothing of before, or with nobody there.
+    /// Starts over, for a new peer or without one.
     pub fn set_open(&mut self, now: Instant, is_open: bool) {
         self.is_open = is_open;
         self.decoder.clear();

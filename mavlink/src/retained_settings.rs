@@ -159,7 +159,7 @@ mod tests {
         store(&memory, 9);
         let whole = of_engine(&ENGINES[0], &EngineSettings::DEFAULT, None);
         memory.store(fingerprint(&ENGINES), [(1, whole)].into_iter());
-        assert_eq!(found(&memory, &ENGINES), None, "those of before do not count any more");
+        assert_eq!(found(&memory, &ENGINES), None, "the earlier ones no longer apply");
     }
 
     #[test]

@@ -329,7 +329,7 @@ impl Signing {
     fn remember(&mut self, oldest: Stamp, stream: Stream) -> Result<(), Ignored> {
         let streams = &mut self.state.streams;
         let Err(stream) = streams.push(stream) else { return Ok(()) };
-        // One that is older than what a new sender may have can be forgotten: nothing that it has sent is accepted anew.
+        // One that is older than what a new sender may have can be forgotten: nothing that it has sent is accepted again.
         let place = streams.iter_mut().find(|known| known.stamp < oldest).ok_or(Ignored::TooMany)?;
         *place = stream;
         Ok(())

@@ -203,7 +203,7 @@ pub struct Store<'a, F: Flash, const KEYS: usize = { self::KEYS }> {
     newest: Vec<Newest, KEYS>,
     /// The last sequence number.
     sequence: u32,
-    /// All records are being written anew, and this is not the last one yet.
+    /// All records are being rewritten, and this is not the last one yet.
     anew: bool,
     /// The sector that has all newest records.
     sector: u32,
@@ -428,8 +428,8 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         Ok(())
     }
 
-    /// Begins to write all records anew, for a memory that does not take one any more, is damaged or has somebody else's data: they go into
-    /// the other sector, each by [`Store::save`]. Those of before count until the last one is saved, which [`Store::end_anew`] announces. A
+    /// Begins to rewrite all records, for a memory that does not take one any more, is damaged or has foreign data: they go into
+    /// the other sector, each by [`Store::save`]. The previous ones apply until the last one is saved, which [`Store::end_anew`] announces. A
     /// save more, of whatever record, erases the old ones.
     ///
     /// # Errors
@@ -450,7 +450,7 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         Ok(())
     }
 
-    /// The next record that is saved is the last one of those that are written anew.
+    /// The next record that is saved is the last one of those that are rewritten.
     pub fn end_anew(&mut self) {
         self.anew = false;
     }

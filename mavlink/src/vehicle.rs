@@ -267,7 +267,7 @@ mod tests {
         assert_eq!(vehicle.arming(), Arming::Armed);
         assert_eq!(beat(&mut vehicle, 3, 3, 0), Some(VehicleEvent::Disarmed));
         assert_eq!((vehicle.arming(), vehicle.disarmed_since()), (Arming::Disarmed, Some(at(3))));
-        // Other vehicles and silence change nothing; the time without a gap begins anew.
+        // Other vehicles and silence change nothing; the time without a gap restarts.
         beat(&mut vehicle, 4, 7, MODE_ARMED);
         beat(&mut vehicle, 5, 7, MODE_ARMED);
         assert_eq!(vehicle.arming(), Arming::Disarmed);

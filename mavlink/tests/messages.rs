@@ -4,7 +4,7 @@
 use mavlink_bindgen::{XmlDefinitions, generate};
 use std::path::Path;
 
-/// Write it anew with `JETLINK_WRITE_MESSAGES=1 cargo test --package jetlink-mavlink --test messages`.
+/// Rewrite it with `JETLINK_WRITE_MESSAGES=1 cargo test --package jetlink-mavlink --test messages`.
 #[test]
 fn the_messages_are_generated_from_the_definitions() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -13,6 +13,6 @@ pub fn compare(path: &str, begin: &str, end: &str, made: &str) {
     if std::env::var_os("JETLINK_WRITE").is_some() {
         fs::write(path, format!("{before}{begin}{made}{end}{after}")).expect("the page can be written");
     } else {
-        assert_eq!(found, made, "write it anew with JETLINK_WRITE=1");
+        assert_eq!(found, made, "rewrite it with JETLINK_WRITE=1");
     }
 }

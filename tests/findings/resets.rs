@@ -254,7 +254,7 @@ fn memory_that_survived_a_loss_of_power_does_not_arm_an_engine() {
     }
 }
 
-/// What the ECU reports is all there is then: the demand of before comes back from its source alone.
+/// What the ECU reports is all there is then: the previous demand comes back from its source alone.
 #[test]
 fn engine_in_flight_resumes_after_a_loss_of_power_that_memory_survived() {
     for engine in [zk(5, |_, _| {}), amt(|_, _| {})] {

@@ -9,7 +9,7 @@ use sim::turbine::Phase;
 use sim::wire::{Faults, FramingAs};
 use sim::zk::ZkTemper;
 
-/// What the pilot of before does while the ECU is without power.
+/// What the previous pilot does while the ECU is without power.
 #[derive(Clone, Copy, PartialEq)]
 enum Pilot {
     /// Continues to command 80 %.

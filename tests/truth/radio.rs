@@ -171,7 +171,7 @@ pub struct Transmitter {
     /// Damaged frames, per mille.
     noise: u64,
     layout: Layout,
-    /// Of the node's receiver; anew after each reset.
+    /// Of the node's receiver; new after each reset.
     armings: u32,
 }
 

@@ -163,7 +163,7 @@ fn running_engines_resume_after_any_reset() {
             let (_, last) = sent.iter().rfind(|(_, sent)| *sent != Sent::Nothing).expect("orders");
             assert_eq!(*last, Sent::Run(0), "{}", engine.name);
             assert!(sent.iter().all(|(at, sent)| *at < report.resets[0].0 || *sent != Sent::Standby));
-            // Up to its first line, 2.3 ms after a reset, the firmware logs nothing: what is read with that are lines of before,
+            // Up to its first line, 2.3 ms after a reset, the firmware logs nothing: what is read with that are earlier lines,
             // which are still in the log's buffer.
             let old =
                 |at: u64| report.resets.iter().any(|(reset, _)| (*reset..*reset + 3 * MILLIS).contains(&at));

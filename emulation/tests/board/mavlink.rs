@@ -388,7 +388,7 @@ fn a_setting_stays_over_a_restart_by_command() {
                 (12 * SECOND, set(LEFT, "LOSS_HOLD", 2345.0)),
                 (12 * SECOND + SECOND / 2, set(NODE, "MAV_GCS_2", 9.0)),
                 (14 * SECOND, reboot),
-                // It learns its vehicle anew.
+                // It learns its vehicle again.
                 (23 * SECOND, list(0)),
             ],
             // A byte that a reset cuts has no time of its own.
@@ -549,7 +549,9 @@ fn somebody_elses_data_in_an_fram_makes_no_reply_late_and_stays() {
             let run = Run::new(board, Image::Release).quick_engines().fram(Some(chip.clone()));
             let run = RESETS.into_iter().fold(run, |run, at| run.at(at, |bench| bench.press_reset()));
             let report = run.resets(RESETS.len()).until(5 * SECOND).go();
-            let starts = report.lines("settings: in an F-RAM").zip(report.lines("settings: none stored, using defaults"));
+            let starts = report
+                .lines("settings: in an F-RAM")
+                .zip(report.lines("settings: none stored, using defaults"));
             let read: Vec<Nanos> = starts.map(|(from, to)| (to.at - from.at) / MILLIS).collect();
             println!("{}: read for {read:?} ms", board.name);
             assert_eq!(read.len(), 1 + RESETS.len(), "{}", report.log_text());
@@ -596,7 +598,9 @@ fn without_a_known_fram_a_text_says_that_a_setting_is_not_stored() {
                     client.of(LEFT, PARAM_VALUE).map(|it| (it.at > 17 * SECOND, it.float(0))).collect();
                 assert_eq!(values, [(false, 2345.0), (true, 2345.0)], "{texts}");
                 assert!(
-                    report.logged("settings: no storage on this board, using the values retained over the reset"),
+                    report.logged(
+                        "settings: no storage on this board, using the values retained over the reset"
+                    ),
                     "{texts}"
                 );
                 let vehicle = report.lines("MAVLink: the vehicle is system").next_back().map(|line| line.at);

@@ -236,7 +236,7 @@ fn valve_stays_open_in_flight_over_every_reset_with_a_record() {
 }
 
 /// The firmware crashes within 0.8 s of each start, again and again. The valve stays open for less than 10 s of it; a start that lives for a
-/// second begins the count anew; 10 s in a row close it, also when the crashes are over, because the engine is not at rest.
+/// second restarts the count; 10 s in a row close it, also when the crashes are over, because the engine is not at rest.
 #[test]
 fn valve_of_a_firmware_that_fails_at_each_start_is_closed_after_ten_seconds_of_it() {
     on_each_board(|board| {

@@ -1,4 +1,4 @@
-//! A transmitter that stops in the middle of a byte, and nothing but setting its UART up anew brings it back.
+//! A transmitter that stops in the middle of a byte, and only setting its UART up again brings it back.
 
 use crate::support::{on_each_board, others_are_well};
 use emulation::{Image, Report, Run};
@@ -32,7 +32,8 @@ fn port_with_a_stuck_transmitter_is_opened_anew_and_serves_its_ecu_again() {
         let others: Vec<_> = complaints.iter().filter(|text| !text.starts_with("not defined: ")).collect();
         assert!(others.is_empty(), "{others:#?}");
 
-        let opened: Vec<_> = report.lines("transmitter stuck, reopening its port").map(|log| log.at).collect();
+        let opened: Vec<_> =
+            report.lines("transmitter stuck, reopening its port").map(|log| log.at).collect();
         for (port, stopped, engine) in [(AMT, amt, "left"), (ZK, zk, "booster")] {
             let sent: Vec<_> = report.wire(port).tx.iter().map(|tx| tx.end).collect();
             let again = sent.iter().find(|end| **end > stopped).unwrap_or_else(|| {

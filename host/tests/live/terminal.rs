@@ -218,7 +218,7 @@ fn a_suspended_rig_comes_back_and_a_resized_one_is_drawn_anew() {
             terminal.resize(columns, rows);
             wait_until(what, || terminal.output().get(before..).is_some_and(|new| new.contains(what)));
             let output = terminal.output();
-            assert!(output.get(before..).is_some_and(|new| new.contains("\u{1b}[2J")), "it is drawn anew");
+            assert!(output.get(before..).is_some_and(|new| new.contains("\u{1b}[2J")), "it is redrawn");
         }
         terminal.types(b"q");
         let (ended, text) = terminal.end();

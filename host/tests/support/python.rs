@@ -14,7 +14,7 @@ pub fn python() -> Result<PathBuf, String> {
     PYTHON.get_or_init(environment).clone()
 }
 
-/// Makes the virtual environment, or finds the whole one of an earlier run. One that was cut short is made anew.
+/// Makes the virtual environment, or finds the whole one of an earlier run. One that was cut short is made again.
 fn environment() -> Result<PathBuf, String> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(PYMAVLINK.replace("==", "-"));
     let python = folder.join("bin/python");

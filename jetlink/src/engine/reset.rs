@@ -197,7 +197,7 @@ impl Engine {
                     after_gap: run.life.missed_frames(),
                     steady: STEADY.round_up(steady),
                     fall_expected: FALL_EXPECTED.round(run.lowered.fall_expected(self.at)),
-                    // After a reset a source that waits to take over is in control: resets do not begin its wait anew.
+                    // After a reset a source that waits to take over is in control: resets do not restart its wait.
                     ..RetainedState::new(self.run_state(run), run.in_control())
                 }
             }

@@ -143,7 +143,7 @@ fn zk_13_services_that_move_fuel_are_refused_in_a_gap() {
         assert_eq!(scenario.telemetry().link, LinkState::Up);
         let refused = Err(Rejected::Start(Interlock::Link));
         assert_eq!(scenario.command(action(service)), refused, "{service:?} in the gap");
-        // The first reports of an ECU that comes back may still be those of before.
+        // The first reports of an ECU that comes back may still be the previous ones.
         scenario.reports(Reports::Standby);
         assert_eq!(scenario.would_answer(action(service)), refused, "{service:?} after it");
         scenario.pass_us(SECOND);

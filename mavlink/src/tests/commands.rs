@@ -530,7 +530,7 @@ fn a_start_is_in_progress_until_the_engine_runs_only_where_that_is_set() {
         let (last, before) = all.split_last().unwrap();
         assert_eq!(*last, Ack::Accepted as u8, "{all:?}");
         assert!(before.len() > 5 && before.iter().all(|ack| *ack == Ack::InProgress as u8), "{all:?}");
-        // A stop is answered as always, and the start of before has been.
+        // A stop is answered as always, and the earlier start has been.
         assert_eq!(world.control(1, &[0.0]).await.0, Some(Ack::Accepted as u8));
         // A start that is stopped is cancelled.
         world.cold(1).await;

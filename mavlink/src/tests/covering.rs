@@ -267,7 +267,7 @@ fn a_replay_after_a_loss_of_power_starts_nothing_and_a_new_start_does() {
     let (found, state) = stored(flash.unwrap(), &at_rest);
     assert_eq!(found, Found::Whole);
     let state = state.unwrap();
-    // With the stamp of before the flight the replay counts: nobody else has been received, and it is within a minute.
+    // With the stamp from before the flight the replay is accepted: nobody else has been received, and it is within a minute.
     let old = SigningState::new(key(7), before_all());
     for (state, counts) in [(state, false), (old, true)] {
         run_stored(state, async |world| {

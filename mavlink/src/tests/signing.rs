@@ -103,7 +103,7 @@ fn a_start_has_to_be_signed_and_new() {
         assert_eq!(started_by(world, TO_GROUND, &bytes(START)).await, None);
         assert_eq!(world.telemetry(0).state, EngineState::Standby);
         let replayed = counted(world).replayed;
-        assert_eq!(replayed, 1, "of the service that began anew");
+        assert_eq!(replayed, 1, "of the restarted service");
         world.ready().await;
         world.start(0).await;
     });

@@ -178,7 +178,7 @@ pub fn load<'a>(mock: Mock<'a>, at_rest: &'a AtRest) -> (Store<'a, Mock<'a>>, Fo
     (store, found, records)
 }
 
-/// Writes all records anew, as the runner does: the first one last, and once more, which erases those of before.
+/// Rewrites all records, as the runner does: the first one last, and once more, which erases the previous ones.
 pub fn write_anew<F: Flash>(store: &mut Store<'_, F>, records: &Records) -> Result<(), NotSaved> {
     block_on(store.begin_anew())?;
     for (left, (key, record)) in records.iter().enumerate().rev() {
@@ -377,7 +377,7 @@ fn what_is_damaged_stays_damaged_until_all_is_written_anew() {
     assert_eq!((found, records), (Found::Whole, new));
     let mock = store.into_flash();
     assert!(mock.erases >= 5, "moves, and both sectors");
-    assert!(mock.words.iter().filter(|&&word| word != EMPTY).count() <= 4, "nothing of before is left");
+    assert!(mock.words.iter().filter(|&&word| word != EMPTY).count() <= 4, "nothing earlier is left");
 }
 
 #[test]

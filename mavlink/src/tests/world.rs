@@ -79,7 +79,7 @@ pub struct World<'a> {
     /// The node has that key, too; not while a test sets it.
     pub key_is_everywhere: Cell<bool>,
     ports: [PortConfig; 2],
-    /// The service began anew: what was being sent is cut off.
+    /// The service restarted: what was being sent is cut off.
     restarted: Cell<bool>,
     pub frames: RefCell<Vec<(Instant, usize, Frame)>>,
     /// Bytes that were sent on each port.
@@ -233,13 +233,13 @@ impl World<'_> {
         (echo, texts)
     }
 
-    /// The node's service begins anew, as after a reset: it knows nothing of before but the settings.
+    /// The node's service restarts, as after a reset: it retains only the settings.
     pub fn restart_service(&self) {
         let settings = *self.service.borrow().settings();
         self.restart_with(settings);
     }
 
-    /// The same, and the stored settings are damaged: the defaults count.
+    /// The same, and the stored settings are damaged: the defaults apply.
     pub fn lose_settings(&self) {
         self.restart_with(NodeSettings::DEFAULT);
         self.service.borrow_mut().set_damaged(true);

@@ -164,7 +164,7 @@ impl<'a> Case<'a> {
         let (down, faults) = (h.down(), h.times(|sample| sample.fault));
         // With error sets an AMT ECU gives no state.
         let dumb = if h.rules.kind.is_amt() { faults.clone() } else { Spans::default() };
-        // A node that begins anew needs two reports; in a loop of resets it may never get them.
+        // A node that restarts needs two reports; in a loop of resets it may never get them.
         let learns = down.longer(two_states(h));
         let silent = blind.union(&h.noise).union(&learns).union(&dumb);
         Self {
@@ -206,7 +206,7 @@ impl<'a> Case<'a> {
         }
     }
 
-    /// Each instant at which the node had to begin anew with the engine: its ECU was powered up, or the line came back after
+    /// Each instant at which the node had to start over with the engine: its ECU was powered up, or the line came back after
     /// a gap.
     pub fn starts_of_life(&self) -> Vec<u64> {
         // AMT reports it at each power-up; of ZK an outage that is shorter than a gap cannot be seen.

@@ -126,7 +126,7 @@ impl CommandLog {
     pub fn in_control_for_sure(&self, source: usize, at: u64, streamed: u64) -> Option<u64> {
         let gaps = &self.gaps[source];
         self.until(source, at).iter().rev().take(4000).find_map(|&(when, command)| {
-            // After a reset a source that was lost has to command anew.
+            // After a reset a source that was lost has to command again.
             let reset = self.ups[..self.ups.partition_point(|up| *up <= when)].last().copied().unwrap_or(0);
             let since = gaps[..gaps.partition_point(|after| *after <= when)].last()?.max(&reset);
             (matches!(command, PilotCommand::Run(_)) && when >= since + streamed).then_some(when)

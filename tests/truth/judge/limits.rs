@@ -234,7 +234,7 @@ pub fn may_have_failed(history: &History) -> Spans {
     let mut ran = false;
     let mut spans = Spans::default();
     for pair in history.samples.windows(2) {
-        // ZK counts the learning of the idle speed among the states of a running engine, and a node that begins anew counts as one that
+        // ZK counts the learning of the idle speed among the states of a running engine, and a node that restarts counts as one that
         // ran what it finds started up.
         let started_up = pair[0].phase == Phase::FuelRamp && pair[0].rpm > history.rules.idle_rpm / 4.0;
         ran |= started_up || matches!(pair[0].phase, Phase::Running | Phase::LearningIdle);

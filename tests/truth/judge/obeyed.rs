@@ -18,9 +18,9 @@ impl Case<'_> {
     fn unreachable(&self) -> Spans {
         let h = self.h;
         let cut = h.deaf.union(&h.noise_to_ecu).union(&h.unpowered.longer(h.rules.boot));
-        // How the ECU is given its switch has to be found out anew.
+        // How the ECU is given its switch has to be found out again.
         let cut = cut.union(&self.down.longer(2 * self.two_states()));
-        // An AMT ECU gets replies only, and a node that begins anew has to find out what is on its line.
+        // An AMT ECU gets replies only, and a node that restarts has to find out what is on its line.
         let cut = if self.is_amt() { cut.union(&h.mute).union(&h.noise) } else { cut };
         cut.longer(h.rules.listen + SECOND)
     }

@@ -508,7 +508,7 @@ impl Case<'_> {
         if let Some(lowered) = self.last_lowered(out.saturating_sub(LOWERED), at) {
             return cold.max(lowered + LOWERED);
         }
-        // A node that was reset has to see the fall anew.
+        // A node that was reset has to see the fall again.
         let up = h.resets.iter().map(|reset| reset.up).filter(|up| *up <= at).max().unwrap_or_default();
         // Nor is it seen while nothing is received.
         let dark =

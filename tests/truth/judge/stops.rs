@@ -112,7 +112,7 @@ impl Case<'_> {
             let mut up = 0;
             let wrong = frames().filter(|frame| frame.at > from + late).find(|frame| {
                 let close = frame.sent == Sent::Action(CLOSE_PUMP);
-                // A node that begins anew knows that a pump was open, not how often it was closed.
+                // A node that restarts knows that a pump was open, not how often it was closed.
                 let last = h.resets.iter().map(|reset| reset.up).take_while(|up| *up <= frame.at).last();
                 if last.is_some_and(|last| core::mem::replace(&mut up, last) != last) {
                     closes = 0;

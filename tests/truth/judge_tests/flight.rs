@@ -150,7 +150,7 @@ fn a_lower_sources_standby_waits_for_the_stages_of_loss() {
 }
 
 /// After a loss of power nothing says whose demand was in force: the stages of loss begin with the engine that is found, at the hold. A
-/// watchdog reset does not begin them anew.
+/// watchdog reset does not restart them.
 #[test]
 fn a_lower_sources_standby_waits_for_the_stages_of_an_engine_that_was_found() {
     let story = |cause: Cause, standby: f64| {
@@ -379,7 +379,7 @@ fn a_limit_holds_the_demand_of_an_engine_that_was_lit_again() {
     };
     story().with(|h| h.rules.limit_change = Some(false)).with(learning).passes();
     story().breaks(&[Rule::HeldDown]);
-    // The order is the one of before, however long the start lasts.
+    // The order is the previous one, however long the start lasts.
     let held = |limit| {
         let story = lit_again(120.0).with(move |h| h.rules.limit_rpm = Some((limit, false)));
         story.judged().rules().contains(&Rule::HeldDown)

@@ -29,7 +29,7 @@ fn a_starting_engine_gets_the_throttle_of_a_start() {
     story(600).breaks_beside(&[], &[Rule::Rate]);
 }
 
-/// An ECU that begins again right behind a flame-out has the demand of before, also where damaged frames hid the flame-out.
+/// An ECU that begins again right behind a flame-out has the previous demand, also where damaged frames hid the flame-out.
 #[test]
 fn a_start_that_nobody_could_see_beginning_has_the_demand_of_before() {
     let throttled = |noise: [u64; 2]| {
@@ -290,7 +290,7 @@ fn a_governor_gives_no_more_than_it_may() {
             move |h: &mut History| h.resets = (31..60).step_by(5).map(|s| reset(s * SECOND)).collect();
         assert_eq!(over(story(700).with(resets)), !passes, "{cause:?}");
     }
-    // Nor does the throttle of before count that a source has left, while an rpm waits to take over.
+    // Nor does the previous throttle count that a source has left, while an rpm waits to take over.
     let waits = |h: &mut History| {
         let before = |commanded: &mut Commanded| {
             if commanded.at < 51_800 * MS && matches!(commanded.command, PilotCommand::Run(Demanded::Rpm(_)))

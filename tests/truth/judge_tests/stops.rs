@@ -24,7 +24,7 @@ fn an_engine_that_is_shut_down_goes_out() {
     };
     waits(by_lower(68.1)).passes();
     waits(by_lower(85.0)).breaks(&[Rule::Obeyed]);
-    // One that wanted nothing meanwhile begins anew.
+    // One that wanted nothing meanwhile restarts.
     let again = |until| {
         flight(ZK5, 60.0)
             .streams(2, 60.0, 62.0, PilotCommand::Standby)

@@ -147,7 +147,7 @@ fn the_valve_cuts_no_engine_that_is_ordered_to_run() {
     };
     let fails = |from, cause, pins: &[(f64, Pin)]| fails_each(200, from, cause, pins);
     let shut = [(52.6, Pin::Closed)];
-    // It stays closed over a later reset of a node that lived, and does not close anew.
+    // It stays closed over a later reset of a node that lived, and does not close again.
     let later = |pins: &[(f64, Pin)]| {
         let resets = |h: &mut History| {
             h.resets.push(Reset { down: micros(52.55), up: micros(52.6), cause: Cause::Watchdog });

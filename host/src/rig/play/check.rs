@@ -49,7 +49,7 @@ pub fn check(actions: &[(Instant, Action)], played: &Played<'_>) -> Result<(), S
         }
         if fault == Fault::FlameOut {
             let is_out = |engine: &usize| {
-                // Where a script begins anew nobody knows.
+                // When a script restarts is unknown.
                 let flown = !acts(actions, *engine).any(|other| other < at);
                 let config = played.engines.get(*engine)?;
                 played.plan.burns(*engine, config, at - Instant::MIN).err().filter(|_| flown)
@@ -102,7 +102,7 @@ mod tests {
             "60 all flame-out",
             "5 left cut\n6 left cut-to-ecu\n7 left mend\n8 left mend-to-ecu",
             "5 left cut\n6 all cut\n7 all mend",
-            // Begun anew, or with an end: nobody knows.
+            // Restarted, or with an end: unknown.
             "1 left disarm\n2 left script\n170 left flame-out",
             "3 left flame-out\n9 end",
             "5 left node-reset\n5 left node-reset",

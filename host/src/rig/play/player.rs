@@ -372,13 +372,13 @@ impl<'a> Player<'a> {
             self.command_again(engine);
             ticker.next().await;
         }
-        // What comes next begins anew by itself.
+        // What comes next restarts on its own.
         if let Some(hand) = self.hands.get(engine) {
             hand.anew.set(false);
         }
     }
 
-    /// Until this engine is taken from its script, or is to begin it anew.
+    /// Until this engine is taken from its script, or is to restart it.
     pub async fn taken(&self, engine: usize) {
         // Whoever takes it shares a task with whoever waits.
         poll_fn(|_| match (self.contexts.get(engine), self.hands.get(engine)) {

@@ -289,7 +289,7 @@ mod tests {
                 |step: Vec<&Key>| step.iter().map(|key| format!("`{}`", key.name)).collect::<Vec<_>>();
             let steps: Vec<String> =
                 restart(transmitter).into_iter().map(|step| names(step).join(" ")).collect();
-            let text = format!("After an emergency stop an engine is started by {}", steps.join(", then "));
+            let text = format!("After an emergency stop, start an engine with {}", steps.join(", then "));
             assert!(page.contains(&text), "docs/rig.md lacks {text}");
         }
     }

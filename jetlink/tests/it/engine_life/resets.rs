@@ -350,7 +350,7 @@ fn zk_8_a_hand_over_resumes_as_id_0_after_a_reset() {
         // Nobody commands, and nothing ends it but the engine.
         assert_eq!(scenario.sent(), [], "{reset:?}: ID 0 only");
         scenario.reports(Reports::Running).pass_us(60 * SECOND);
-        assert_eq!(scenario.sent(), [], "{reset:?}: it runs, and is not handed over anew");
+        assert_eq!(scenario.sent(), [], "{reset:?}: it runs, and is not handed over again");
         scenario.silent();
         {
             receive(&mut scenario, &report(Ecu::Zk, 1, 0));
@@ -573,7 +573,7 @@ fn resets_while_a_source_waits_to_take_over_end_no_run() {
     }
 }
 
-/// A source that waits to take over is the one that a reset finds in control: its wait does not begin anew, and its silence has its
+/// A source that waits to take over is the one that a reset finds in control: its wait does not restart, and its silence has its
 /// own timeout.
 #[test]
 fn a_source_that_waits_to_take_over_is_in_control_after_a_reset() {

@@ -157,7 +157,7 @@ fn a_short_gap_is_no_loss() {
 #[test]
 fn a_source_that_is_present_counts_as_silent() {
     for ecu in BOTH {
-        // In control: the stages of loss begin at once, and repeating it does not begin them anew.
+        // In control: the stages of loss begin at once, and repeating it does not restart them.
         let mut scenario = flying(ecu);
         let from = scenario.now_us();
         assert_eq!(scenario.command(Command::Present), Ok(Accepted::InForce));

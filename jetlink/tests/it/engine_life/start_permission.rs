@@ -242,7 +242,7 @@ fn a_start_waits_for_the_gap_between_two_starts() {
         assert_eq!(
             scenario.telemetry().start_waits_until,
             Some(at_us(until)),
-            "{ecu:?}: not anew with each command"
+            "{ecu:?}: not again with each command"
         );
         scenario.others_allow_start = true;
         assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce), "{ecu:?}");

@@ -292,7 +292,7 @@ fn a_demand_of_another_kind_that_was_not_sent_moves_nothing() {
         let mut scenario = Scenario::started_with(Ecu::Zk, config, percent(50));
         scenario.reports = Some(Reports::Running);
         scenario.fly_us(run(50), Origin::Rc, 6 * SECOND);
-        // A report of before.
+        // Earlier reports.
         for _ in 0..2 {
             scenario.bench.receive(&zk_frames::status(3, TURNING, [80, 0, 0]));
         }

@@ -277,7 +277,7 @@ fn held_for_a_source_that_waits_again(until: u64) -> Result<(), String> {
     judge.frame(until, Frame::Full(Switch::Run, 500)).map(|_| ())
 }
 
-/// A source that is lost while it waits begins to wait anew, behind the one that was in control all the time.
+/// A source that is lost while it waits restarts its wait, behind the one that was in control all the time.
 #[test]
 fn a_source_that_was_lost_while_it_waited_waits_anew() {
     for until in [21, 24, 26, 27] {

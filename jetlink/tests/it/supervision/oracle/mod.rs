@@ -502,7 +502,7 @@ impl Oracle {
                     self.in_force = None;
                 }
                 let since = match self.waiting {
-                    // It may have taken over by being close; then another one begins to wait anew.
+                    // It may have taken over by being close; then another one starts its own wait.
                     Some((before, _))
                         if before != origin && (self.maybe_close || self.in_force.is_none()) =>
                     {
