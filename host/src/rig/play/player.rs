@@ -258,7 +258,12 @@ impl<'a> Player<'a> {
             }
             Act::Release => {
                 hand.stop.set(false);
-                self.order(engine, Command::ReleaseStop, Order::Standby);
+                // Only a latched stop becomes standby by it.
+                if self.node.telemetry(engine).stop_latched {
+                    self.order(engine, Command::ReleaseStop, Order::Standby);
+                } else {
+                    self.command(engine, Command::ReleaseStop);
+                }
             }
             Act::Script if hand.stop.get() || self.node.telemetry(engine).stop_latched => {
                 let name = context.engine.name();

@@ -206,6 +206,20 @@ fn plain_actions_of_a_pilot_are_no_findings() {
     }
 }
 
+/// Plays each script file, and expects a pass.
+fn all_pass(name: &str, scripts: &[&str]) {
+    for (i, script) in scripts.iter().enumerate() {
+        let run = run(&format!("{name}-{i}"), script).unwrap();
+        assert_eq!(run.problems(), Vec::<String>::new(), "{script}");
+    }
+}
+
+#[test]
+fn a_release_where_no_stop_is_latched_changes_nothing() {
+    let actions = "60 left silent\n60.5 left release\n90 end\n";
+    all_pass("release", &[&format!("{AMT}{actions}"), &format!("{ZK}{actions}")]);
+}
+
 /// A source whose demands the ECU cannot follow is a silent one: the node may give up its start. One that commands what it
 /// can is none.
 #[test]
