@@ -346,10 +346,15 @@ impl Audit {
         (self.received.gap, self.received.whole) = (Some(at), None);
         self.last_slot = None;
         self.slot_shared_at = None;
-        let before = self.on_wire.take().unwrap_or(WireCommand::Standby);
-        // An emergency stop of the same instant is retained, though it was not sent yet.
-        let stop = matches!(self.orders.back(), Some((_, Allowed::Order(Order::EmergencyStop))));
-        self.allow(at, Allowed::Again(if stop { WireCommand::Stop } else { before }));
+        let before = match (self.on_wire.take(), self.orders.back()) {
+            // It is retained, though it may not have been sent yet.
+            (_, Some(&(_, Allowed::Order(Order::EmergencyStop)))) => WireCommand::Stop,
+            (Some(before), _) => before,
+            // Nothing was sent since the reset before.
+            (None, Some(&(_, Allowed::Again(before)))) => before,
+            (None, _) => WireCommand::Standby,
+        };
+        self.allow(at, Allowed::Again(before));
         self.may_rise(at + RISE_WITHIN);
     }
 

@@ -220,6 +220,17 @@ fn a_release_where_no_stop_is_latched_changes_nothing() {
     all_pass("release", &[&format!("{AMT}{actions}"), &format!("{ZK}{actions}")]);
 }
 
+#[test]
+fn an_emergency_stop_stays_in_force_through_two_resets() {
+    let soon = "50 all emergency-stop\n60 all node-reset\n60.5 all node-reset\n80 end\n";
+    // A node that receives no set sends nothing between the two.
+    let cut = "50 all emergency-stop\n55 left cut-to-node\n60 all node-reset\n77 all node-reset\n\
+               80 left mend-to-node\n90 end\n";
+    for actions in [soon, cut] {
+        all_pass("two-resets", &[&format!("{AMT}{actions}"), &format!("{ZK}{actions}")]);
+    }
+}
+
 /// A source whose demands the ECU cannot follow is a silent one: the node may give up its start. One that commands what it
 /// can is none.
 #[test]
