@@ -159,8 +159,8 @@ pub struct Audit {
     reader: Reader,
     /// The first bit of the last frame.
     frame_start: Nanos,
-    /// What was begun before belongs to a node that is no more.
-    reset_at: Nanos,
+    /// The last reset: what was begun before belongs to a node that is no more.
+    reset_at: Option<Nanos>,
     /// The last demand on the wire.
     level: Option<Level>,
     /// The demand may still be on its way up to the commanded one, until then.
@@ -259,7 +259,7 @@ impl Audit {
             transmitted: None,
             reader: Reader::strict(engine.ecu.protocol(), LONGEST_GAP),
             frame_start: 0,
-            reset_at: 0,
+            reset_at: None,
             level: None,
             rises_until: None,
             received: Received {
@@ -341,7 +341,7 @@ impl Audit {
     /// The node was reset: it may send again what it sent before, and nothing else, until something is ordered.
     pub fn reset(&mut self, at: Nanos) {
         self.reader.restart();
-        self.reset_at = at;
+        self.reset_at = Some(at);
         // The node receives nothing meanwhile.
         (self.received.gap, self.received.whole) = (Some(at), None);
         self.last_slot = None;
@@ -423,7 +423,7 @@ impl Audit {
             match (entry.direction, entry.fate) {
                 (_, Fate::Added) => {}
                 // The byte that the reset has cut.
-                (Direction::ToEcu, _) if entry.start <= self.reset_at && self.reset_at > 0 => {}
+                (Direction::ToEcu, _) if self.reset_at.is_some_and(|at| entry.start <= at) => {}
                 (Direction::ToNode, _) => self.ecu_sent = true,
                 (Direction::ToEcu, _) => self.byte(entry),
             }

@@ -231,6 +231,11 @@ fn an_emergency_stop_stays_in_force_through_two_resets() {
     }
 }
 
+#[test]
+fn a_reset_in_the_first_instant_cuts_a_frame_and_is_no_finding() {
+    all_pass("first-instant", &["0.0 all node-reset\n10 end\n"]);
+}
+
 /// A source whose demands the ECU cannot follow is a silent one: the node may give up its start. One that commands what it
 /// can is none.
 #[test]
