@@ -82,17 +82,52 @@ pub struct TransmittedFrame {
 enum Allowed {
     /// What this order allows.
     Order(Order),
-    /// A run at this throttle or any lower one.
-    UpTo(u16),
+    /// A run at this demand or any lower one.
+    UpTo(Highest),
     /// What it sent last before it was reset, to the resolution that the ECU reports.
     Again(WireCommand),
+}
+
+/// The highest demand of each kind.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+struct Highest {
+    tenths: u16,
+    rpm: u32,
+}
+
+impl Highest {
+    /// Of a command on the wire that is a run.
+    const fn of(wire: WireCommand) -> Option<Self> {
+        match wire {
+            WireCommand::Run(tenths) => Some(Self { tenths, rpm: 0 }),
+            WireCommand::RunRpm(rpm) => Some(Self { tenths: 0, rpm }),
+            WireCommand::Stop | WireCommand::Standby | WireCommand::Nothing => None,
+        }
+    }
+
+    /// This one, or the demand if that is higher.
+    fn or(self, demand: Demand) -> Self {
+        match demand {
+            Demand::Throttle(throttle) => Self { tenths: self.tenths.max(throttle.tenths()), ..self },
+            Demand::Rpm(rpm) => Self { rpm: self.rpm.max(rpm.get()), ..self },
+        }
+    }
+}
+
+impl core::fmt::Display for Highest {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self.rpm {
+            0 => write!(f, "throttle up to {:.1} %", f64::from(self.tenths) / 10.0),
+            rpm => write!(f, "up to {rpm} rpm"),
+        }
+    }
 }
 
 impl core::fmt::Display for Allowed {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
             Self::Order(order) => order.fmt(f),
-            Self::UpTo(tenths) => write!(f, "run, throttle up to {:.1} %", f64::from(*tenths) / 10.0),
+            Self::UpTo(highest) => write!(f, "run, {highest}"),
             Self::Again(command) => write!(f, "as before the reset: {command}"),
         }
     }
@@ -324,18 +359,22 @@ impl Audit {
         self.rises_until = self.rises_until.max(Some(until));
     }
 
-    /// The source of a running engine is lost, or one at this throttle waits to take over: from now on the
-    /// throttle may be anything up to this, or up to what it is. With no run on the wire nothing changes.
-    pub fn may_be_up_to(&mut self, at: Nanos, tenths: u16) {
+    /// The source of a running engine is lost, or one with this demand waits to take over: from now on the demand may be
+    /// anything up to this, or up to what it is. With no run on the wire nothing changes.
+    pub fn may_be_up_to(&mut self, at: Nanos, demand: Option<Demand>) {
         let now = match (self.on_wire, self.orders.back()) {
             (_, Some(&(_, Allowed::Order(Order::Standby | Order::EmergencyStop)))) => return,
-            (Some(WireCommand::Run(now)), _) => now,
+            (Some(wire), _) => Highest::of(wire),
             // After a reset: what the ECU reports of it.
-            (None, Some(&(_, Allowed::Again(WireCommand::Run(before))))) => before + REPORTED_GRAIN,
-            (None, Some(&(_, Allowed::UpTo(most)))) => most,
-            _ => return,
+            (None, Some(&(_, Allowed::Again(WireCommand::Run(before))))) => {
+                Some(Highest { tenths: before + REPORTED_GRAIN, rpm: 0 })
+            }
+            (None, Some(&(_, Allowed::Again(before)))) => Highest::of(before),
+            (None, Some(&(_, Allowed::UpTo(highest)))) => Some(highest),
+            _ => None,
         };
-        self.allow(at, Allowed::UpTo(tenths.max(now)));
+        let Some(now) = now else { return };
+        self.allow(at, Allowed::UpTo(demand.map_or(now, |demand| now.or(demand))));
     }
 
     /// The node was reset: it may send again what it sent before, and nothing else, until something is ordered.
@@ -514,7 +553,8 @@ impl Audit {
             .filter(|&(&(from, _), end)| from <= start && end.saturating_add(MADE_BEFORE) >= start)
             .any(|(&(_, allowed), _)| match (allowed, wire) {
                 (Allowed::Order(order), _) => allows(order),
-                (Allowed::UpTo(most), WireCommand::Run(tenths)) => tenths <= most,
+                (Allowed::UpTo(highest), WireCommand::Run(tenths)) => tenths <= highest.tenths,
+                (Allowed::UpTo(highest), WireCommand::RunRpm(rpm)) => rpm <= highest.rpm.max(self.idle_rpm),
                 (Allowed::Again(WireCommand::Run(before)), WireCommand::Run(now)) => {
                     before.abs_diff(now) <= REPORTED_GRAIN
                 }

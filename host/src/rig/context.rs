@@ -273,7 +273,7 @@ impl<'a> EngineContext<'a> {
         let mut audit = self.audit.borrow_mut();
         if is_unfit(answer) {
             // As if the source had been silent.
-            audit.may_be_up_to(at, 0);
+            audit.may_be_up_to(at, None);
             return;
         }
         audit.commanded(at);
@@ -282,10 +282,7 @@ impl<'a> EngineContext<'a> {
         }
         match (answer, order) {
             (Ok(Accepted::InForce), _) => audit.ordered(at, order),
-            (Ok(Accepted::Held), Order::Run(Demand::Throttle(throttle))) => {
-                audit.may_be_up_to(at, throttle.tenths());
-            }
-            (Ok(Accepted::Held), Order::Run(_)) => audit.ordered(at, order),
+            (Ok(Accepted::Held), Order::Run(demand)) => audit.may_be_up_to(at, Some(demand)),
             // It takes effect when the rules of sources say so: see `standby_of`.
             (Ok(Accepted::Held), _) => {}
             // Refused, behind another source, a start that waits, the first of two commands: nothing changes yet.

@@ -432,7 +432,7 @@ impl<'a> Pilot<'a> {
         // Before the call: the node may act at once.
         let at = sim::clock::now_ns();
         if self.context.silent.get() {
-            self.context.audit.borrow_mut().may_be_up_to(at, 0);
+            self.context.audit.borrow_mut().may_be_up_to(at, None);
             return Ok(());
         }
         let Some(answer) = self.node.command(self.context.index, input.command(), Origin::Bench) else {

@@ -400,7 +400,7 @@ impl<'a> Player<'a> {
             return;
         }
         if context.silent.get() {
-            context.audit.borrow_mut().may_be_up_to(clock::now_ns(), 0);
+            context.audit.borrow_mut().may_be_up_to(clock::now_ns(), None);
             return;
         }
         let input = context.input.get();
@@ -448,7 +448,7 @@ impl<'a> Player<'a> {
         for (i, ((context, plug), hand)) in self.contexts.iter().zip(self.plugs).zip(&self.hands).enumerate()
         {
             if self.transmitter.is_some_and(|transmitter| !transmitter.is_on()) {
-                context.audit.borrow_mut().may_be_up_to(clock::now_ns(), 0);
+                context.audit.borrow_mut().may_be_up_to(clock::now_ns(), None);
             }
             let (counts, ignitions) =
                 plug.ecu(|ecu| (ecu.counts(), ecu.turbine().history().ignitions.clone()));

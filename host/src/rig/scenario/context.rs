@@ -178,7 +178,7 @@ impl<'a> ScenarioContext<'a> {
                 next = Instant::now() + TICK;
                 let at = clock::now_ns();
                 if context.silent.get() || context.stopped.get() {
-                    context.audit.borrow_mut().may_be_up_to(at, 0);
+                    context.audit.borrow_mut().may_be_up_to(at, None);
                 } else {
                     let (input, origin) = (context.input.get(), source.origin.get());
                     let answer = self.node.command(engine, input.command(), origin);

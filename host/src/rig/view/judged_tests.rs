@@ -236,6 +236,13 @@ fn a_reset_in_the_first_instant_cuts_a_frame_and_is_no_finding() {
     all_pass("first-instant", &["0.0 all node-reset\n10 end\n"]);
 }
 
+#[test]
+fn a_source_that_has_just_returned_leaves_the_engine_in_standby() {
+    let actions = "4.3 left silent\n22.4 left start\n23.4 left speak\n79.7 end\n";
+    let by_rpm = format!("engine name=left,ecu=zk,mode=rpm\n{actions}");
+    all_pass("returned", &[&by_rpm, &format!("{ZK}{actions}"), &format!("{AMT}{actions}")]);
+}
+
 /// A source whose demands the ECU cannot follow is a silent one: the node may give up its start. One that commands what it
 /// can is none.
 #[test]
