@@ -47,7 +47,7 @@ const RISE_AFTER_START: Nanos = 125 * SECOND;
 const REPORTED_GRAIN: u16 = 10;
 /// No good start of a simulated engine takes longer.
 const START_TAKES: Nanos = 30 * SECOND;
-/// An engine that stopped shows in two reports of its ECU, of which noise may damage some.
+/// An engine that stopped, or runs, shows in two reports of its ECU, of which noise may damage some.
 const REPORTED_WITHIN: Nanos = 3 * SECOND;
 /// Without a confirmation an order is given up after 10 s, or an AMT ECU's serial delay time.
 const UNCONFIRMED: Nanos = 11 * SECOND;
@@ -208,6 +208,9 @@ pub struct Audit {
     /// When the engine was last seen to stop, and whether it was live when it was last seen.
     stopped_at: Option<Nanos>,
     was_live: bool,
+    /// Since when it has been seen running, and whether the node has to know.
+    running_since: Option<Nanos>,
+    reported_running: bool,
     /// When a source last commanded.
     commanded_at: Nanos,
     /// The first bit of the frame in the last send slot.
@@ -308,6 +311,8 @@ impl Audit {
             started_at: 0,
             stopped_at: None,
             was_live: false,
+            running_since: None,
+            reported_running: false,
             commanded_at: 0,
             last_slot: None,
             slot_shared_at: None,
@@ -409,6 +414,17 @@ impl Audit {
             self.stopped_at = Some(at);
         }
         self.was_live = phase.is_live();
+        let since = matches!(phase, Phase::Running).then(|| self.running_since.unwrap_or(at));
+        self.running_since = since;
+        self.received.find_gap(at);
+        let since = since.map(|since| self.received.gap.map_or(since, |gap| gap.max(since)));
+        let reported = since.is_some_and(|since| at >= since + REPORTED_WITHIN);
+        self.reported_running = self.was_live && (self.reported_running || reported);
+    }
+
+    /// Whether the engine runs and its ECU has reported it: a disarm ends a start before that, and no run after it.
+    pub const fn is_known_to_run(&self) -> bool {
+        self.reported_running
     }
 
     /// The node goes to standby by itself. It may, and may have reported it a little late, where the engine had stopped,

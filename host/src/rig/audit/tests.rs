@@ -238,6 +238,32 @@ fn a_run_is_cancelled_only_where_the_engine_has_stopped_or_fell_silent_in_its_st
 }
 
 #[test]
+fn an_engine_is_known_to_run_when_its_ecu_has_reported_it() {
+    let mut audit = in_flight();
+    assert!(!audit.is_known_to_run());
+    for (ms, phase, known) in [
+        (100, Phase::Running, false),
+        // Nothing is received meanwhile.
+        (3200, Phase::Running, false),
+        (4200, Phase::FuelRamp, false),
+    ] {
+        audit.see_engine(20 * SECOND + ms * MILLIS, phase);
+        assert_eq!(audit.is_known_to_run(), known, "{ms} ms, {phase:?}");
+    }
+    for eighth in 0..40 {
+        let at = 25 * SECOND + eighth * 125 * MILLIS;
+        audit.look(&from_ecu(at, Fate::Delivered));
+        audit.see_engine(at + 10 * MILLIS, Phase::Running);
+    }
+    assert!(audit.is_known_to_run());
+    // A gap changes nothing about that, and a stop does.
+    audit.see_engine(40 * SECOND, Phase::Running);
+    assert!(audit.is_known_to_run());
+    audit.see_engine(41 * SECOND, Phase::Cooling);
+    assert!(!audit.is_known_to_run());
+}
+
+#[test]
 fn an_order_is_given_up_only_where_the_ecu_fell_silent() {
     let mut received = in_flight();
     received.given_up(20 * SECOND + 50 * MILLIS);

@@ -229,12 +229,8 @@ impl<'a> Player<'a> {
         match act {
             Act::Arm => self.command(engine, Command::Arm),
             Act::Disarm => {
-                // It ends a start, and no run.
-                if self
-                    .plugs
-                    .get(engine)
-                    .is_some_and(|plug| plug.ecu(|ecu| ecu.turbine().phase()).is_starting())
-                {
+                // It ends a start, whether the ECU follows it or not, and no run.
+                if !context.audit.borrow().is_known_to_run() {
                     context.standby_commanded(clock::now_ns(), Origin::Bench);
                 }
                 self.command(engine, Command::Disarm);

@@ -243,6 +243,13 @@ fn a_source_that_has_just_returned_leaves_the_engine_in_standby() {
     all_pass("returned", &[&by_rpm, &format!("{ZK}{actions}"), &format!("{AMT}{actions}")]);
 }
 
+/// The node has commanded run, and the ECU has not received it.
+#[test]
+fn disarming_ends_a_start_that_the_ecu_does_not_follow() {
+    let actions = "2 left cut-to-ecu\n3 left arm\n3.2 left start\n8 left disarm\n30 end\n";
+    all_pass("disarm", &[&format!("{AMT}{actions}"), &format!("{ZK}{actions}")]);
+}
+
 /// A source whose demands the ECU cannot follow is a silent one: the node may give up its start. One that commands what it
 /// can is none.
 #[test]
