@@ -23,7 +23,7 @@ mod zk;
 use super::engines::Engine;
 use super::simulated::parameters;
 use jetlink::command::{Demand, Order};
-use sim::control::{self, Command, Found, Reader};
+use sim::control::{self, Command, Found, Reader, Switch};
 use sim::ecu::{MILLIS, Nanos, SECOND};
 use sim::turbine::Phase;
 use sim::wire::{Direction, Entry, Fate};
@@ -51,6 +51,8 @@ const START_TAKES: Nanos = 30 * SECOND;
 const REPORTED_WITHIN: Nanos = 3 * SECOND;
 /// Without a confirmation an order is given up after 10 s, or an AMT ECU's serial delay time.
 const UNCONFIRMED: Nanos = 11 * SECOND;
+/// From the arrival of a run to the first step of its start.
+const MISREAD_ACTS_WITHIN: Nanos = 100 * MILLIS;
 /// Time without any source after which an engine is shut down that is not known to run: 10 s, of which the
 /// node reckons 0.2 s for each reset, however short it was.
 const ALL_SILENT: Nanos = 8 * SECOND;
@@ -192,6 +194,10 @@ pub struct Audit {
     /// What was ordered and from when, the oldest that still matters first.
     orders: VecDeque<(Nanos, Allowed)>,
     reader: Reader,
+    /// Reads what arrives at the ECU, as the ECU does.
+    arrived: Reader,
+    /// When a run arrived that the node has not sent: noise has made it.
+    misread_runs: Vec<Nanos>,
     /// The first bit of the last frame.
     frame_start: Nanos,
     /// The last reset: what was begun before belongs to a node that is no more.
@@ -296,6 +302,8 @@ impl Audit {
             stop_at: None,
             transmitted: None,
             reader: Reader::strict(engine.ecu.protocol(), LONGEST_GAP),
+            arrived: Reader::new(engine.ecu.protocol()),
+            misread_runs: Vec::new(),
             frame_start: 0,
             reset_at: None,
             level: None,
@@ -472,8 +480,9 @@ impl Audit {
     /// Takes what the line has recorded.
     pub fn look(&mut self, entries: &[Entry]) {
         for entry in entries {
-            if entry.direction == Direction::ToNode {
-                self.received.byte(entry);
+            match entry.direction {
+                Direction::ToNode => self.received.byte(entry),
+                Direction::ToEcu => self.arrives(entry),
             }
             match (entry.direction, entry.fate) {
                 (_, Fate::Added) => {}
@@ -487,9 +496,31 @@ impl Audit {
 
     /// What the line has recorded is taken up to this time: older orders can be forgotten.
     pub fn looked_until(&mut self, at: Nanos) {
+        self.misread_runs.retain(|&run| at <= run + 2 * MISREAD_ACTS_WITHIN);
         while self.orders.get(1).is_some_and(|&(from, _)| from + 2 * MADE_BEFORE < at) {
             self.orders.pop_front();
         }
+    }
+
+    /// A byte as the ECU receives it.
+    fn arrives(&mut self, entry: &Entry) {
+        let arrived = match entry.fate {
+            Fate::Delivered => *entry,
+            Fate::Flipped(byte) => Entry { byte, ..*entry },
+            Fate::Added => Entry { fate: Fate::Flipped(entry.byte), ..*entry },
+            Fate::Lost | Fate::Framing(_) => return,
+        };
+        if let Some(Found::Frame(frame)) = self.arrived.entry(&arrived)
+            && !frame.delivered
+            && frame.command.is_ok_and(|command| command.switch() == Some(Switch::Run))
+        {
+            self.misread_runs.push(frame.end);
+        }
+    }
+
+    /// Whether a run that noise has made arrived right before this.
+    pub fn is_misread(&self, at: Nanos) -> bool {
+        self.misread_runs.iter().any(|&run| run <= at && at <= run + MISREAD_ACTS_WITHIN)
     }
 
     fn byte(&mut self, entry: &Entry) {

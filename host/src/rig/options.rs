@@ -354,5 +354,7 @@ fn setup(
         radio,
         valves: header.valves,
         speed: args.speed.unwrap_or(1),
+        #[cfg(test)]
+        uncommanded: Vec::new(),
     })
 }

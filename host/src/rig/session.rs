@@ -21,6 +21,8 @@ use super::simulated::{ecu, line};
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Ticker, Timer};
 use jetlink::channel::Events;
+#[cfg(test)]
+use jetlink::command::Command;
 use jetlink::command::{Order, Ordered, Origin, Rejected};
 use jetlink::event::End as LifeEnd;
 use jetlink::event::Event;
@@ -70,6 +72,9 @@ pub struct Setup {
     pub speed: u32,
     /// Panic at this engine time: for the test of what a panic leaves behind.
     pub panic_at: Option<Duration>,
+    /// What the first engine's node is commanded although nobody has: for the test of what a judge finds.
+    #[cfg(test)]
+    pub uncommanded: Vec<(Duration, Command)>,
 }
 
 impl Setup {
@@ -203,6 +208,13 @@ impl<'a> World<'a> {
                 tasks.push(Box::pin(self.piloted(context, *plan, flown, seeds.u64(..))));
             }
         }
+        #[cfg(test)]
+        tasks.push(Box::pin(clock::task(async {
+            for &(at, command) in &self.setup.uncommanded {
+                Timer::at(Instant::MIN + at).await;
+                let _ = self.node.command(0, command, Origin::Bench);
+            }
+        })));
         tasks.push(Box::pin(clock::task(disturb(self.setup, self.contexts, self.plugs, self.notes))));
         if self.setup.valves {
             tasks.push(Box::pin(clock::task(drive_valves(self.node, self.contexts, self.plugs))));

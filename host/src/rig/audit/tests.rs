@@ -106,6 +106,32 @@ fn a_zk_frame_is_what_was_ordered() {
 }
 
 #[test]
+fn a_run_that_only_the_ecu_has_received_is_misread() {
+    let (standby, run) = (zk(0x18, 0), zk(0x1C, 0));
+    let mut audit = audit(2);
+    audit.look(&entries(1000 * MILLIS, &run).map_fate(|_| Fate::Delivered));
+    assert!(!audit.is_misread(1001 * MILLIS), "the node has sent it");
+    audit.look(&entries(1100 * MILLIS, &standby).map_fate(|i| match run[i] == standby[i] {
+        true => Fate::Delivered,
+        false => Fate::Flipped(run[i]),
+    }));
+    assert!(audit.is_misread(1101 * MILLIS) && !audit.is_misread(1099 * MILLIS));
+    assert!(!audit.is_misread(1201 * MILLIS), "whatever was lit later, was not lit by it");
+}
+
+trait MapFate {
+    /// What became of each byte.
+    fn map_fate(self, fate: impl Fn(usize) -> Fate) -> Self;
+}
+
+impl MapFate for Vec<Entry> {
+    fn map_fate(mut self, fate: impl Fn(usize) -> Fate) -> Self {
+        self.iter_mut().enumerate().for_each(|(i, entry)| entry.fate = fate(i));
+        self
+    }
+}
+
+#[test]
 fn the_cadence_is_that_of_the_turns() {
     // What is sent before its slot leaves the slots where they are.
     let mut ahead = audit(3);

@@ -75,6 +75,8 @@ impl Judge {
         }
         for &ignition in seen.ignitions.iter().skip(self.ignitions) {
             let commanded = self.run_at.is_some_and(|at| at + IGNITES_WITHIN >= ignition);
+            // A damaged frame may pass its checksum: the node has not sent that run.
+            let commanded = commanded || seen.audit.is_misread(ignition);
             self.verdict.ignitions += u64::from(!commanded);
         }
         self.ignitions = seen.ignitions.len();

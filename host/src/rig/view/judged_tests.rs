@@ -14,7 +14,7 @@ use super::model::Model;
 use super::tests::{COLOUR, Cli, buffer, char, pair, text};
 use clap::Parser;
 use embassy_time::{Duration, Instant};
-use jetlink::command::{Accepted, Demand, Interlock, Order, Origin, Rejected};
+use jetlink::command::{Accepted, Command, Demand, Interlock, Order, Origin, Rejected};
 use jetlink::units::{Rpm, Throttle};
 use sim::ecu::{MILLIS, SECOND};
 use sim::turbine::Phase;
@@ -44,11 +44,18 @@ impl Run {
 
 /// Plays a script file, whether it has an end or not.
 fn run(name: &str, script: &str) -> Result<Run, String> {
+    run_with(name, script, &[])
+}
+
+/// The same, with commands that nobody has given.
+fn run_with(name: &str, script: &str, uncommanded: &[(f64, Command)]) -> Result<Run, String> {
     let path = std::env::temp_dir().join(format!("jetlink-judged-{}-{name}", std::process::id()));
     std::fs::write(&path, format!("{HEAD}{script}")).unwrap();
     let order = order(&Cli::parse_from(["rig", "--fast", "--script", path.to_str().unwrap()]).args);
     std::fs::remove_file(&path).unwrap();
     let mut order = order?;
+    let at = |&(at, command): &(f64, Command)| (Duration::from_micros((at * 1e6) as u64), command);
+    order.setup.uncommanded = uncommanded.iter().map(at).collect();
     let (actions, over) = order.script.take().unwrap();
     Ok(steered(&order.setup, &mut Scripted::new(actions, over)))
 }
@@ -248,6 +255,61 @@ fn a_source_that_has_just_returned_leaves_the_engine_in_standby() {
 fn disarming_ends_a_start_that_the_ecu_does_not_follow() {
     let actions = "2 left cut-to-ecu\n3 left arm\n3.2 left start\n8 left disarm\n30 end\n";
     all_pass("disarm", &[&format!("{AMT}{actions}"), &format!("{ZK}{actions}")]);
+}
+
+/// One damaged ZK frame in 256 passes its checksum.
+#[test]
+fn a_start_that_noise_has_made_on_the_line_is_no_uncommanded_ignition() {
+    let engines =
+        "engine name=e0,ecu=zk,version=1,baud=2400,stop=1\nengine name=e1,ecu=zk,mode=split,rate=100\n";
+    let script = format!("seed 1090\n{engines}17.0 e1 noise\n40.4 end\n");
+    let run = run("misread", &script).unwrap();
+    assert_eq!(run.problems(), Vec::<String>::new());
+    let began = run.happened("reports starting");
+    assert!(began > 0, "the noise has to begin a start: {:?}", run.model.events);
+}
+
+/// What the node does without a command is found, whatever a pilot does beside it.
+#[test]
+fn what_nobody_has_commanded_is_found_in_a_played_run() {
+    // Between two commands of the player, and before a set of the AMT ECU.
+    let standby = [(71.11, Command::Standby), (71.12, Command::Standby)];
+    let throttle = [(71.11, Command::Run(Demand::Throttle(Throttle::from_percent(90).unwrap())))];
+    let stop = [(71.02, Command::EmergencyStop)];
+    let idle = Command::Run(Demand::Throttle(Throttle::IDLE));
+    // The player's source is silent, and something else commands as it.
+    let start = (250..350).map(|tenth| match tenth {
+        250..300 => (f64::from(tenth) / 10.0, Command::Standby),
+        _ => (f64::from(tenth) / 10.0, idle),
+    });
+    let start: Vec<_> = start.collect();
+    let flies = "3 left arm\n3.1 left start\n60 left throttle 40\n";
+    for (i, (actions, uncommanded, found)) in [
+        ("", &stop[..], "an unsolicited command at 71."),
+        ("", &throttle, "an unsolicited command at 71."),
+        ("", &standby, "an unsolicited command at 71."),
+        ("62 left cut-to-node\n64 left mend-to-node\n", &stop, "an unsolicited command at 71."),
+        ("62 left disarm\n66 left release\n", &stop, "an unsolicited command at 71."),
+        ("62 all node-reset\n", &stop, "an unsolicited command at 71."),
+        ("62 left emergency-stop\n69 left release\n", &stop, "an unsolicited command at 71."),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        for (name, engine) in [("amt", AMT), ("zk", ZK)] {
+            let script = format!("{engine}{flies}{actions}80 end\n");
+            let run = run_with(&format!("found-{i}-{name}"), &script, uncommanded).unwrap();
+            let problems = run.problems();
+            assert!(problems.iter().any(|problem| problem.contains(found)), "{script}: {problems:?}");
+        }
+    }
+    for (name, engine) in [("amt", AMT), ("zk", ZK)] {
+        let script = format!("{engine}1 left arm\n20 left silent\n40 end\n");
+        let problems = run_with(&format!("lit-{name}"), &script, &start).unwrap().problems();
+        for found in ["an unsolicited command at 30.", "1 uncommanded ignitions"] {
+            assert!(problems.iter().any(|problem| problem.contains(found)), "{script}: {problems:?}");
+        }
+    }
 }
 
 /// A source whose demands the ECU cannot follow is a silent one: the node may give up its start. One that commands what it
