@@ -62,6 +62,11 @@ impl Judge {
         }
     }
 
+    /// What would stop it has ended before it had lasted for this time: it may not have reached the node.
+    pub fn stop_ends(&mut self, at: Nanos, within: Nanos) {
+        self.stop_since = self.stop_since.filter(|&(since, _)| at >= since + within);
+    }
+
     /// What was found.
     pub const fn verdict(&self) -> Verdict {
         self.verdict
@@ -160,5 +165,12 @@ mod tests {
         judge.stop(2_000_000_000, 45 * MILLIS, &Audit::new(&engines[0]));
         assert_eq!(look(&mut judge, 2200, false, &[], 0).late_stops, 1);
         assert_eq!(look(&mut judge, 2300, false, &[], 0).late_stops, 2);
+        // The switch was at stop for a moment, or for long enough.
+        judge.stop(3_000_000_000, 45 * MILLIS, &Audit::new(&engines[0]));
+        judge.stop_ends(3_000_000_000, 45 * MILLIS);
+        assert_eq!(look(&mut judge, 3300, false, &[], 0).late_stops, 2);
+        judge.stop(4_000_000_000, 45 * MILLIS, &Audit::new(&engines[0]));
+        judge.stop_ends(4_100_000_000, 45 * MILLIS);
+        assert_eq!(look(&mut judge, 4300, false, &[], 0).late_stops, 3);
     }
 }

@@ -136,6 +136,10 @@ impl<'a> Player<'a> {
     fn moves(&self, transmitter: &Transmitter, act: Act) -> bool {
         let to = |position: Position| {
             transmitter.switch.set(position);
+            if position != Position::Stop {
+                let now = clock::now_ns();
+                self.hands.iter().for_each(|hand| hand.judge.borrow_mut().stop_ends(now, STOP_BY_SWITCH));
+            }
             format!("the switch to {}", position.name())
         };
         let text = match act {

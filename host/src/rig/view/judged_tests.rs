@@ -269,6 +269,13 @@ fn a_start_that_noise_has_made_on_the_line_is_no_uncommanded_ignition() {
     assert!(began > 0, "the noise has to begin a start: {:?}", run.model.events);
 }
 
+#[test]
+fn a_switch_that_was_at_stop_for_no_frame_is_no_late_stop() {
+    let actions = "3 all arm\n29.1 all disarm\n29.1 all start\n40 end\n";
+    let of = |rc: &str| format!("{ZK}rc {rc}\n{actions}");
+    all_pass("no-frame", &["sbus", "crsf", "pwm"].map(of).each_ref().map(String::as_str));
+}
+
 /// What the node does without a command is found, whatever a pilot does beside it.
 #[test]
 fn what_nobody_has_commanded_is_found_in_a_played_run() {
