@@ -441,6 +441,11 @@ impl Audit {
     pub fn cancelled(&mut self, at: Nanos, phase: Phase) {
         self.see_engine(at, phase);
         self.received.find_gap(at);
+        // After a reset it reports the standby that it had before.
+        let before = self.orders.back().map(|&(_, allowed)| allowed);
+        if matches!(before, Some(Allowed::Order(Order::Standby) | Allowed::Again(WireCommand::Standby))) {
+            return self.standby_took_effect(at);
+        }
         let stopped =
             !self.was_live || self.stopped_at.is_some_and(|stopped| at <= stopped + REPORTED_WITHIN);
         let starting = phase.is_starting()

@@ -27,13 +27,13 @@ const ZK: &str = "engine name=left,ecu=zk\n";
 const AMT: &str = "engine name=left,ecu=amt,baud=115200\n";
 
 /// What came of a script file.
-struct Run {
+pub struct Run {
     model: Model,
     outcomes: Outcomes,
 }
 
 impl Run {
-    fn problems(&self) -> Vec<String> {
+    pub fn problems(&self) -> Vec<String> {
         summary::problems(&self.outcomes)
     }
 
@@ -43,7 +43,7 @@ impl Run {
 }
 
 /// Plays a script file, whether it has an end or not.
-fn run(name: &str, script: &str) -> Result<Run, String> {
+pub fn run(name: &str, script: &str) -> Result<Run, String> {
     run_with(name, script, &[])
 }
 
@@ -267,6 +267,13 @@ fn a_start_that_noise_has_made_on_the_line_is_no_uncommanded_ignition() {
     assert_eq!(run.problems(), Vec::<String>::new());
     let began = run.happened("reports starting");
     assert!(began > 0, "the noise has to begin a start: {:?}", run.model.events);
+}
+
+/// The ECU completes a start that has ended, because its wire is cut: after a reset the node reports its standby once more.
+#[test]
+fn a_standby_that_a_reset_repeats_gives_up_no_engine() {
+    let actions = "18.8 all node-reset\n19.1 left cut-to-ecu\n25.1 all node-reset\n30 end\n";
+    all_pass("repeats", &[&format!("engine name=left,ecu=zk,mode=rpm\n{actions}")]);
 }
 
 #[test]
