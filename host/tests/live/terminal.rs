@@ -2,7 +2,7 @@
 
 use super::{ended, file, is_no_failure, jetlink, signal, wait_until};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-use rustix::termios::{LocalModes, Winsize, tcgetattr, tcsetwinsize};
+use rustix::termios::{InputModes, LocalModes, OutputModes, Winsize, tcgetattr, tcsetwinsize};
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Write};
 use std::path::Path;
@@ -72,9 +72,13 @@ impl Terminal {
         assert!(self.is_raw(), "the screen needs single keys");
     }
 
+    fn modes(&self) -> (InputModes, OutputModes, LocalModes) {
+        let modes = tcgetattr(self.side.as_ref().expect("open")).expect("modes");
+        (modes.input_modes, modes.output_modes, modes.local_modes)
+    }
+
     fn is_raw(&self) -> bool {
-        let side = self.side.as_ref().expect("open");
-        !tcgetattr(side).expect("modes").local_modes.contains(LocalModes::ICANON | LocalModes::ECHO)
+        !self.modes().2.contains(LocalModes::ICANON | LocalModes::ECHO)
     }
 
     fn types(&mut self, keys: &[u8]) {
@@ -223,6 +227,33 @@ fn a_suspended_rig_comes_back_and_a_resized_one_is_drawn_anew() {
         terminal.types(b"q");
         let (ended, text) = terminal.end();
         assert_eq!(ended.code(), Some(0), "{text}");
+    }
+}
+
+/// The shell has the terminal then: a program that changes its modes is stopped again.
+#[test]
+fn a_suspended_rig_can_be_ended() {
+    for (signal, status) in [("TERM", 143), ("HUP", 129)] {
+        // A shell with job control, on a terminal that controls it.
+        let mut shell = Command::new("setsid");
+        shell.args(["--ctty", "bash", "--norc", "--noprofile", "--noediting", "-i"]).env("PS1", "");
+        let mut terminal = Terminal::start_as("xterm-256color", shell);
+        let before = terminal.modes();
+        let rig = format!("{} rig --standby --duration 600s\n", env!("CARGO_BIN_EXE_jetlink"));
+        terminal.types(rig.as_bytes());
+        terminal.is_live();
+        terminal.types(&[26]);
+        wait_until("it stops", || terminal.output().contains("Stopped"));
+        // To a job that is stopped, the shell sends SIGCONT, too.
+        terminal.types(format!("kill -{signal} %1; wait %1; echo \"status: $?\"\n").as_bytes());
+        wait_until("it ends", || terminal.output().contains(&format!("status: {status}")));
+        let output = terminal.output();
+        let (_, normal) = output.split_once(LEAVE_ALTERNATE_SCREEN).expect("the alternate screen is left");
+        assert!(!normal.contains("\u{1b}[?1049h"), "nothing is drawn over the shell: {normal:?}");
+        assert!(signal == "HUP" || normal.contains("The run was ended by SIGTERM"), "{normal}");
+        assert_eq!(terminal.modes(), before);
+        terminal.types(b"exit\n");
+        ended(&mut terminal.child);
     }
 }
 

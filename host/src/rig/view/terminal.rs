@@ -33,7 +33,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(20);
 /// The alternate screen in raw mode, as long as it lives and nothing has panicked.
 #[derive(Debug)]
 struct AlternateScreen {
-    /// A panic has put the terminal back: what is drawn now would cover its message.
+    /// It was given back: to the shell, or by a panic, whose message must not be covered.
     left: Arc<AtomicBool>,
 }
 
@@ -102,7 +102,21 @@ fn give_back() {
         LeaveAlternateScreen,
         cursor::Show
     );
-    let _ = disable_raw_mode();
+    // The shell has set its own modes then, and whoever changes them is stopped.
+    if in_foreground() {
+        let _ = disable_raw_mode();
+    }
+}
+
+/// Whether the shell has given the terminal to this program. Where no shell controls jobs, nobody else has it.
+#[cfg(unix)]
+fn in_foreground() -> bool {
+    rustix::termios::tcgetpgrp(io::stdout()).map_or(true, |group| group == rustix::process::getpgrp())
+}
+
+#[cfg(not(unix))]
+const fn in_foreground() -> bool {
+    true
 }
 
 /// The screen of a live run.
@@ -216,7 +230,7 @@ impl Screen {
             return Ok(());
         }
         self.drawn = Some(Instant::now());
-        // A panic in the other thread has left the screen.
+        // To the shell, or by a panic in the other thread.
         if self.screen.left.load(Ordering::SeqCst) {
             return Ok(());
         }
@@ -271,9 +285,8 @@ impl Screen {
     #[cfg(unix)]
     fn suspend(&mut self) -> io::Result<()> {
         give_back();
-        // Every thread of the program stops here, the run included.
-        signal_hook::low_level::emulate_default_handler(signal_hook::consts::SIGTSTP)?;
-        self.resumed.store(false, Ordering::SeqCst);
+        self.screen.left.store(true, Ordering::SeqCst);
+        self.stop_here()?;
         self.resume()
     }
 
@@ -282,8 +295,29 @@ impl Screen {
         Ok(())
     }
 
+    /// Every thread of the program stops here, the run included.
+    #[cfg(unix)]
+    fn stop_here(&self) -> io::Result<()> {
+        signal_hook::low_level::emulate_default_handler(signal_hook::consts::SIGTSTP)?;
+        self.resumed.store(false, Ordering::SeqCst);
+        Ok(())
+    }
+
+    #[cfg(not(unix))]
+    fn stop_here(&self) -> io::Result<()> {
+        Ok(())
+    }
+
     fn resume(&mut self) -> io::Result<()> {
+        // Continued while the shell has the terminal: that waits for `fg`, or for the end.
+        while !in_foreground() {
+            if self.end.requested().is_some() {
+                return Ok(());
+            }
+            self.stop_here()?;
+        }
         take_over()?;
+        self.screen.left.store(false, Ordering::SeqCst);
         if self.model.mouse {
             execute!(io::stdout(), EnableMouseCapture)?;
         }
