@@ -38,6 +38,7 @@ mod scenario;
 mod session;
 mod show;
 mod simulated;
+mod size;
 mod story;
 mod summary;
 mod tap;
@@ -80,7 +81,7 @@ use std::sync::mpsc;
 /// Messages that may wait for the screen before the session waits for it.
 const MESSAGES: usize = 1000;
 /// Columns of an output whose width is not known.
-const USUAL_WIDTH: usize = 80;
+const USUAL_WIDTH: usize = size::USUAL.0 as usize;
 /// Between two lines of one engine, in engine time.
 const LINES_EVERY: Duration = Duration::from_secs(5);
 /// The same with `--fast` on a terminal.
@@ -361,7 +362,7 @@ fn save_script(
 
 /// Columns of the terminal.
 fn terminal_width() -> usize {
-    crossterm::terminal::size().map_or(USUAL_WIDTH, |(width, _)| width.into())
+    size::of_terminal().map_or(USUAL_WIDTH, |(width, _)| width.into())
 }
 
 /// Whether the terminal reports that it takes no control sequences, or on Unix what it is.

@@ -35,14 +35,18 @@ impl Terminal {
     }
 
     /// On a terminal that reports what it is.
-    fn start_as(term: &str, mut command: Command) -> Self {
+    fn start_as(term: &str, command: Command) -> Self {
+        Self::start_sized(term, command, size(140, 30))
+    }
+
+    fn start_sized(term: &str, mut command: Command, size: Winsize) -> Self {
         let master =
             openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).expect("a terminal");
         grantpt(&master).expect("a terminal");
         unlockpt(&master).expect("a terminal");
         let name = ptsname(&master, Vec::new()).expect("a terminal").into_string().expect("UTF-8");
         let side = OpenOptions::new().read(true).write(true).open(name).expect("a terminal");
-        tcsetwinsize(&side, size(140, 30)).expect("a size");
+        tcsetwinsize(&side, size).expect("a size");
         let program = || Stdio::from(side.try_clone().expect("a copy"));
         command.env("TERM", term).stdin(program()).stdout(program()).stderr(program());
         let child = command.spawn().expect("it runs");
@@ -272,6 +276,29 @@ fn a_dumb_terminal_and_plain_get_lines() {
         assert_eq!(status.code(), Some(0), "{text}");
         assert!(!text.contains('\u{1b}') && text.contains("  left          ECU link up"), "{text}");
     }
+}
+
+/// Serial consoles, `ssh -tt` and `expect` report no size.
+#[test]
+fn a_terminal_without_a_size_gets_80_columns() {
+    let mut plain = Terminal::start_sized(
+        "xterm",
+        jetlink(&["--plain", "--standby", "--duration", "2s"]),
+        size(0, 0),
+    );
+    let status = ended(&mut plain.child);
+    wait_until("the summary", || plain.output().contains("\nSummary after "));
+    let text = plain.output().replace('\r', "");
+    assert_eq!(status.code(), Some(0), "{text}");
+    assert!(text.contains("PASS: all engines") && text.contains("  left          ECU link up"), "{text}");
+    assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
+    let mut screen =
+        Terminal::start_sized("xterm", jetlink(&["--standby", "--duration", "600s"]), size(0, 0));
+    screen.is_live();
+    screen.types(b"q");
+    let (status, text) = screen.end();
+    assert_eq!(status.code(), Some(0), "{text}");
+    assert!(text.contains("  left          ECU link up"), "{text}");
 }
 
 #[test]

@@ -5,6 +5,7 @@ use super::super::control::Request;
 use super::super::ending::{EndRequest, EndedBy};
 use super::super::fit::wrapped;
 use super::super::message::Message;
+use super::super::size;
 use super::draw::draw;
 use super::keyboard::Keyboard;
 use super::keys::Does;
@@ -13,7 +14,7 @@ use super::theme::Theme;
 use crossterm::event::{DisableMouseCapture, EnableMouseCapture, Event, MouseButton, MouseEventKind};
 use crossterm::terminal::{
     BeginSynchronizedUpdate, Clear, ClearType, EndSynchronizedUpdate, EnterAlternateScreen,
-    LeaveAlternateScreen, disable_raw_mode, enable_raw_mode, size,
+    LeaveAlternateScreen, disable_raw_mode, enable_raw_mode,
 };
 use crossterm::{cursor, execute};
 use ratatui::backend::CrosstermBackend;
@@ -87,7 +88,7 @@ impl Write for Forgiving {
 /// Nothing is known of what is on the screen, so all of it will be drawn. Ratatui's own way to clear it requests from the terminal
 /// its cursor, which not every terminal answers.
 fn fresh() -> io::Result<Terminal<CrosstermBackend<Forgiving>>> {
-    let (width, height) = size()?;
+    let (width, height) = size::of_terminal()?;
     execute!(io::stdout(), Clear(ClearType::All))?;
     let viewport = Viewport::Fixed(Rect::new(0, 0, width, height));
     Terminal::with_options(CrosstermBackend::new(Forgiving(io::stdout())), TerminalOptions { viewport })
@@ -207,7 +208,7 @@ impl Screen {
             text += &format!("({} earlier events were dropped)\n", self.model.dropped);
         }
         // Of a terminal that is gone nothing is known, and nobody reads.
-        let width = size().map_or(usize::MAX, |(width, _)| width.into());
+        let width = size::of_terminal().map_or(usize::MAX, |(width, _)| width.into());
         for event in &self.model.events {
             for line in wrapped(&event.line(), width, ModelEvent::INDENT, self.theme.mark()) {
                 text += &line;
