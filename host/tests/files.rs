@@ -332,6 +332,42 @@ fn the_csv_file_can_be_the_standard_output() {
 }
 
 #[test]
+fn rows_to_the_standard_output_follow_what_is_there() {
+    let folder = folder("appended");
+    let all = folder.join("all.csv");
+    for path in ["/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"] {
+        fs::write(&all, "precious\n").unwrap();
+        let append = fs::OpenOptions::new().append(true).open(&all).unwrap();
+        let output = command(&["--fast", "--standby", "--csv", path]).stdout(append).output().expect("it runs");
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        let written = fs::read_to_string(&all).unwrap();
+        assert!(written.starts_with("precious\nt_s,engine,"), "{path}: {}", &written[..80.min(written.len())]);
+        assert!(written.lines().count() > 400 && written.ends_with('\n'));
+    }
+    // So do those to the standard error, with the text of the run before them.
+    fs::write(&all, "precious\n").unwrap();
+    let append = fs::OpenOptions::new().append(true).open(&all).unwrap();
+    let status = command(&["--fast", "--standby", "--csv", "/dev/stderr"]).stderr(append).status();
+    assert!(status.expect("it runs").success());
+    assert!(fs::read_to_string(&all).unwrap().starts_with("precious\n"));
+}
+
+/// The shell empties it, and rows and text would be written over each other.
+#[test]
+fn an_option_cannot_name_the_file_of_the_standard_output() {
+    let same = folder("same-as-stdout").join("same.csv");
+    let name = same.to_str().unwrap();
+    for option in ["--csv", "--save-script"] {
+        let to = fs::File::create(&same).unwrap();
+        let output = command(&["--fast", "--standby", option, name]).stdout(to).output().expect("it runs");
+        let error = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{error}");
+        let reason = format!("{option} and the standard output name the same file, {name}: use /dev/stdout");
+        assert!(error.contains(&reason), "{error}");
+    }
+}
+
+#[test]
 fn a_plot_is_replaced_and_leaves_nothing_beside_it() {
     let folder = folder("replaced");
     let plot = folder.join("p.svg");

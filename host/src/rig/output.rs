@@ -87,6 +87,14 @@ pub fn check(wanted: &[Wanted]) -> Result<(), Problem> {
             )));
         }
     }
+    for one in wanted.iter().filter(|one| one.kind != Kind::Read && !is_stdout(&one.path)) {
+        if is_of_stdout(&one.path) {
+            return Err(Problem::Option(format!(
+                "{} and the standard output name the same file, {}: use /dev/stdout, or another file",
+                one.option, one.path
+            )));
+        }
+    }
     for one in wanted {
         let found = match one.kind {
             Kind::Read => Ok(()),
@@ -132,10 +140,31 @@ pub fn is_stdout(path: &str) -> bool {
     matches!(path, "/dev/stdout" | "/dev/fd/1" | "/proc/self/fd/1")
 }
 
+/// The same of the standard error.
+fn is_stderr(path: &str) -> bool {
+    matches!(path, "/dev/stderr" | "/dev/fd/2" | "/proc/self/fd/2")
+}
+
 /// Whether this is the terminal of this program by another name.
 pub fn is_terminal(path: &str) -> bool {
-    let is_stderr = matches!(path, "/dev/stderr" | "/dev/fd/2" | "/proc/self/fd/2");
-    path == "/dev/tty" || (is_stderr && io::stderr().is_terminal())
+    path == "/dev/tty" || (is_stderr(path) && io::stderr().is_terminal())
+}
+
+/// The standard output or error, if this is its name: opened anew, a regular file would lose what is in it.
+#[cfg(unix)]
+pub fn own(path: &str) -> Option<io::Result<File>> {
+    use std::os::fd::AsFd;
+    let copy = match path {
+        path if is_stdout(path) => io::stdout().as_fd().try_clone_to_owned(),
+        path if is_stderr(path) => io::stderr().as_fd().try_clone_to_owned(),
+        _ => return None,
+    };
+    Some(copy.map(File::from))
+}
+
+#[cfg(not(unix))]
+pub const fn own(_: &str) -> Option<io::Result<File>> {
+    None
 }
 
 /// A path as a word of a shell's command line.
@@ -165,6 +194,20 @@ fn is_one_file(a: &str, b: &str) -> bool {
     use std::os::unix::fs::MetadataExt;
     let of = |path: &str| fs::metadata(path).ok().filter(fs::Metadata::is_file);
     of(a).zip(of(b)).is_some_and(|(a, b)| (a.dev(), a.ino()) == (b.dev(), b.ino()))
+}
+
+/// Whether the shell has sent the standard output to this regular file, by its own name.
+#[cfg(unix)]
+fn is_of_stdout(path: &str) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let named = fs::metadata(path).ok().filter(fs::Metadata::is_file);
+    let stdout = own("/dev/stdout").and_then(Result::ok).and_then(|file| file.metadata().ok());
+    named.zip(stdout).is_some_and(|(a, b)| (a.dev(), a.ino()) == (b.dev(), b.ino()))
+}
+
+#[cfg(not(unix))]
+const fn is_of_stdout(_: &str) -> bool {
+    false
 }
 
 /// Only what a name refers to is known of a file here.

@@ -1,6 +1,7 @@
 //! Opens what a run writes to. A FIFO without a reader makes that wait, and the end of the run ends the wait.
 
 use super::ending::EndRequest;
+use super::output;
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Write};
 use std::sync::mpsc::{RecvTimeoutError, channel};
@@ -13,8 +14,11 @@ const GRACE: Duration = Duration::from_millis(300);
 /// After this long the wait is reported.
 const QUIET: Duration = Duration::from_secs(1);
 
-/// Opens this file for writing, from its beginning.
+/// Opens this file for writing, from its beginning; an output of this program is written on where it is.
 pub fn create(path: &str, end: &EndRequest) -> io::Result<File> {
+    if let Some(own) = output::own(path) {
+        return own;
+    }
     if fs::metadata(path).map_or(true, |found| found.is_file()) {
         return File::create(path);
     }
