@@ -62,11 +62,16 @@ impl Csv {
                 }
             })?;
         }
-        if self.flushed.elapsed() >= FLUSH_EVERY {
-            self.flushed = WallInstant::now();
-            self.flush()?;
+        self.flush_in_time()
+    }
+
+    /// Hands rows to the file when it is time, whether more come or not: a run may be paused, or its verdict stand.
+    pub fn flush_in_time(&mut self) -> Result<(), ShowError> {
+        if self.flushed.elapsed() < FLUSH_EVERY {
+            return Ok(());
         }
-        Ok(())
+        self.flushed = WallInstant::now();
+        self.flush()
     }
 
     /// The last bytes.

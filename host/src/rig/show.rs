@@ -10,7 +10,11 @@ use super::plot::Plot;
 use super::unshown::ShowError;
 use super::view::terminal::Screen;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::mpsc::Receiver;
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::Duration;
+
+/// Without a message for so long, what was kept back is written.
+const IDLE: Duration = Duration::from_millis(200);
 
 /// Where the run is shown.
 #[derive(Debug)]
@@ -66,6 +70,11 @@ impl Files {
             Message::Passing(_) | Message::Complete(_) => {}
         }
         Ok(())
+    }
+
+    /// No message has come for a while.
+    fn idle(&mut self) -> Result<(), ShowError> {
+        self.csv.as_mut().map_or(Ok(()), Csv::flush_in_time)
     }
 
     /// Completes all of them. A file that could not be written before cannot be completed either: the first error is the one.
@@ -126,7 +135,15 @@ impl Show {
         let Self { shown, files } = self;
         match shown {
             Shown::Lines(lines) => {
-                while let Ok(message) = messages.recv() {
+                loop {
+                    let message = match messages.recv_timeout(IDLE) {
+                        Ok(message) => message,
+                        Err(RecvTimeoutError::Timeout) => {
+                            files.idle()?;
+                            continue;
+                        }
+                        Err(RecvTimeoutError::Disconnected) => return Ok(()),
+                    };
                     files.message(&message)?;
                     match &message {
                         Message::Note(note) => lines.note(note),
@@ -136,10 +153,13 @@ impl Show {
                     }
                     .map_err(ShowError::Screen)?;
                 }
-                Ok(())
             }
             Shown::Screen(screen) => {
-                screen.run(messages, |message| files.message(message))?.map_err(ShowError::Screen)
+                let keep = |message: Option<&Message>| match message {
+                    Some(message) => files.message(message),
+                    None => files.idle(),
+                };
+                screen.run(messages, keep)?.map_err(ShowError::Screen)
             }
         }
     }

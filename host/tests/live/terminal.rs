@@ -348,9 +348,17 @@ fn keys_beside_a_script_are_saved_with_it() {
 
 #[test]
 fn a_run_that_is_complete_stays_until_it_is_ended() {
-    let mut terminal = Terminal::start(&["--standby", "--duration", "2s"]);
+    let csv = file("complete.csv");
+    let args = ["--standby", "--duration", "2s", "--csv", csv.to_str().unwrap()];
+    let mut terminal = Terminal::start(&args);
     wait_until("the verdict", || terminal.output().contains("verdict: PASS"));
     assert!(terminal.child.try_wait().expect("a status").is_none());
+    // Nothing comes any more, and the file has it all.
+    wait_until("the last rows", || {
+        let rows = std::fs::read_to_string(&csv).unwrap_or_default();
+        let last = rows.lines().last().and_then(|row| row.split(',').next()?.parse::<f64>().ok());
+        rows.ends_with('\n') && last.is_some_and(|last| last >= 2.4)
+    });
     terminal.types(b"q");
     let (ended, text) = terminal.end();
     assert_eq!(ended.code(), Some(0), "{text}");

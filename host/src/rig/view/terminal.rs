@@ -165,27 +165,27 @@ impl Screen {
         })
     }
 
-    /// Shows what comes until nothing more can come. `keep` sees each message first.
+    /// Shows what comes until nothing more can come. `keep` sees each message first, and `None` where none has come for a while.
     pub fn run<E>(
         &mut self,
         messages: &Receiver<Message>,
-        mut keep: impl FnMut(&Message) -> Result<(), E>,
+        mut keep: impl FnMut(Option<&Message>) -> Result<(), E>,
     ) -> Result<io::Result<()>, E> {
         loop {
             match messages.recv_timeout(LOOK_EVERY) {
                 Ok(message) => {
-                    keep(&message)?;
+                    keep(Some(&message))?;
                     self.model.message(message);
                     // All that waits, before the next picture; but where more comes than can be shown, keys still count.
                     let until = Instant::now() + DRAW_EVERY;
                     while Instant::now() < until
                         && let Ok(message) = messages.try_recv()
                     {
-                        keep(&message)?;
+                        keep(Some(&message))?;
                         self.model.message(message);
                     }
                 }
-                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Timeout) => keep(None)?,
                 Err(RecvTimeoutError::Disconnected) => return Ok(Ok(())),
             }
             if self.gone {
