@@ -5,6 +5,7 @@
 
 use crate::decode_hint::{Beside, Hint};
 use crate::json::Record;
+use crate::signals::read_pipe_to_its_end;
 use crate::telemetry::decoder::Decoder;
 use crate::telemetry::{self, Protocol};
 use std::fmt;
@@ -65,7 +66,7 @@ Examples:
   jetlink decode --protocol zk docs/captures/zk-simulated.bin
   jetlink decode --protocol amt docs/captures/amt-simulated.bin | jq 'select(.frame == \"alternate\")'
   stty -F /dev/ttyUSB0 9600 cs8 -parenb -cstopb raw -echo    (the baud rate and stop bits of your ECU)
-  cat /dev/ttyUSB0 | jetlink decode --protocol zk",
+  cat /dev/ttyUSB0 | jetlink decode --protocol zk            (Ctrl-C ends both, with the summary)",
 ];
 
 fn help() -> String {
@@ -119,7 +120,7 @@ fn decode_file(file: Option<PathBuf>, decoder: Box<dyn Decoder>, beside: Beside)
     let name = file.as_ref().map_or_else(|| "standard input".into(), |path| path.display().to_string());
     let input: io::Result<Box<dyn Read>> = match file {
         Some(path) => File::open(path).map(|file| Box::new(file) as _),
-        None => Ok(Box::new(io::stdin().lock())),
+        None => read_pipe_to_its_end().map(|()| Box::new(io::stdin().lock()) as _),
     };
     let unreadable = |error| Failure::Input { name: name.clone(), error };
     decode(

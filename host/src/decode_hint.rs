@@ -100,6 +100,8 @@ impl Other {
     }
 }
 
+const CHECK_THE_LINE: &str = "check the baud rate, the stop bits and the levels of the line";
+
 /// Most of the bytes belonged to no frame.
 #[derive(Debug)]
 pub struct Hint {
@@ -112,8 +114,10 @@ pub struct Hint {
 /// What they are.
 #[derive(Debug)]
 enum Found {
-    /// Frames of another protocol, if any.
+    /// Frames of another protocol.
     Other { name: &'static str, frames: u64, bytes: u64, outside: u64 },
+    /// No frames of this protocol either.
+    Nothing { name: &'static str },
     /// Commands to an ECU of this protocol: the other line.
     Commands { name: &'static str, frames: u64, bytes: u64, inside: u64 },
 }
@@ -132,11 +136,12 @@ impl Hint {
                 inside: commands.in_frames,
             }
         } else {
-            Found::Other {
-                name: other.decoder.name(),
-                frames: other.frames,
-                bytes: other.bytes,
-                outside: other.bytes - other.in_frames - other.decoder.pending() as u64,
+            let outside = other.bytes - other.in_frames - other.decoder.pending() as u64;
+            match (other.frames, other.decoder.name()) {
+                // It may still be the beginning of one.
+                (0, _) if outside * 2 <= other.bytes => return None,
+                (0, name) => Found::Nothing { name },
+                (frames, name) => Found::Other { name, frames, bytes: other.bytes, outside },
             }
         };
         (outside * 2 > bytes).then_some(Self { tried, bytes, outside, found })
@@ -178,9 +183,10 @@ impl fmt::Display for Hint {
                     counted(frames, "frame")
                 )?;
                 if outside * 2 > bytes {
-                    write!(f, ": check the baud rate, the stop bits and the levels of the line")?;
+                    write!(f, ": {CHECK_THE_LINE}")?;
                 }
             }
+            Found::Nothing { name } => write!(f, ", nor in one of {name}: {CHECK_THE_LINE}")?,
             Found::Commands { name, frames, bytes, inside } => {
                 let (share, of) = (percent(inside, bytes), of_the_first(bytes));
                 write!(

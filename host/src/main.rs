@@ -5,6 +5,7 @@ mod decode;
 mod decode_hint;
 mod json;
 mod rig;
+mod signals;
 mod telemetry;
 
 use clap::{Parser, Subcommand};

@@ -438,7 +438,11 @@ fn the_wrong_protocol_is_hinted_at() {
     let garbage: Vec<u8> = (0..200_u32).map(|i| (i * 37 % 251) as u8).collect();
     let outcome = decode(&["--protocol", "zk"], &garbage);
     let hint = outcome.stderr.lines().last().unwrap();
-    assert!(hint.contains("would find 0 frames") && hint.ends_with("the levels of the line"), "{hint}");
+    assert_eq!(
+        hint,
+        "hint: 100 % of the bytes are in no zk frame, nor in one of amt: check the baud rate, the stop bits and the levels of \
+         the line"
+    );
     // One is no plural.
     let outcome = decode(&["--protocol", "amt"], &ZK_EXAMPLE);
     assert!(outcome.stderr.contains("would find 1 frame and leave 0 %"), "{}", outcome.stderr);
@@ -447,6 +451,52 @@ fn the_wrong_protocol_is_hinted_at() {
         let outcome = decode(&["--protocol", "zk"], &input);
         assert!(!outcome.stderr.contains("hint"), "{outcome:?}");
     }
+    // Nor is the beginning of a frame of the other one, which finds nothing.
+    let outcome = decode(&["--protocol", "amt"], &ZK_EXAMPLE[..3]);
+    assert!(!outcome.stderr.contains("hint"), "{outcome:?}");
+}
+
+/// Ctrl-C ends both sides of `cat /dev/ttyUSB0 | jetlink decode`: what was read is still summed up.
+#[test]
+#[cfg(unix)]
+fn an_interrupt_reads_the_pipe_to_its_end_and_a_second_one_ends_at_once() {
+    use std::os::unix::process::ExitStatusExt;
+    let interrupt = |child: &Child| {
+        let status = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+        assert!(status.expect("kill").success());
+    };
+    let one_line = |child: &mut Child| {
+        let mut line = String::new();
+        let mut stdout = BufReader::new(child.stdout.take().unwrap());
+        stdout.read_line(&mut line).unwrap();
+        assert!(line.contains("status-1"), "{line}");
+        stdout
+    };
+    let mut child = spawn(&["--protocol", "zk"]);
+    let mut stdin = child.stdin.take().unwrap();
+    stdin.write_all(&ZK_EXAMPLE).unwrap();
+    let mut stdout = one_line(&mut child);
+    interrupt(&child);
+    stdin.write_all(&ZK_EXAMPLE.repeat(2)).unwrap();
+    drop(stdin);
+    let mut rest = String::new();
+    stdout.read_to_string(&mut rest).unwrap();
+    let output = child.wait_with_output().unwrap();
+    let error = String::from_utf8(output.stderr).unwrap();
+    assert_eq!((output.status.code(), rest.lines().count()), (Some(0), 2), "{error}");
+    assert!(error.contains("21 bytes read\n3 frames\n"), "{error}");
+
+    let mut child = spawn(&["--protocol", "zk"]);
+    let mut stdin = child.stdin.take().unwrap();
+    stdin.write_all(&ZK_EXAMPLE).unwrap();
+    let mut stdout = one_line(&mut child);
+    interrupt(&child);
+    // The first one has been taken when it still reads.
+    stdin.write_all(&ZK_EXAMPLE).unwrap();
+    stdout.read_line(&mut String::new()).unwrap();
+    interrupt(&child);
+    let status = child.wait().unwrap();
+    assert_eq!(status.signal(), Some(2), "{status}");
 }
 
 /// A capture of the rig has a file for each direction, and anyone may tap the wrong wire.

@@ -1,5 +1,6 @@
 //! Who ends a run before its time: a key, or a signal.
 
+use crate::signals::is_ignored;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -84,14 +85,6 @@ fn signals() -> Vec<(i32, EndedBy)> {
         #[cfg(unix)]
         (consts::SIGHUP, EndedBy::HangUp),
     ]
-}
-
-/// Whether the parent process has the signal ignored, as `nohup` does. Known on Linux only.
-fn is_ignored(signal: i32) -> bool {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
-    let ignored = ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0);
-    u32::try_from(signal - 1).is_ok_and(|bit| ignored.checked_shr(bit).is_some_and(|mask| mask & 1 == 1))
 }
 
 #[cfg(test)]
