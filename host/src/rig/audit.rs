@@ -204,12 +204,14 @@ pub struct Audit {
     reset_at: Option<Nanos>,
     /// The last demand on the wire.
     level: Option<Level>,
+    /// The last speed on the wire: a node that is in doubt repeats it, whatever is commanded meanwhile.
+    last_rpm: Option<WireCommand>,
     /// The demand may still be on its way up to the commanded one, until then.
     rises_until: Option<Nanos>,
     received: Received,
     /// The last gap that a rise was allowed for.
     gap_seen: Option<Nanos>,
-    /// When run was ordered after something else.
+    /// When run was ordered after something else; 0: never.
     started_at: Nanos,
     /// When the engine was last seen to stop, and whether it was live when it was last seen.
     stopped_at: Option<Nanos>,
@@ -307,6 +309,7 @@ impl Audit {
             frame_start: 0,
             reset_at: None,
             level: None,
+            last_rpm: None,
             rises_until: None,
             received: Received {
                 period: engine.ecu_period(),
@@ -363,6 +366,11 @@ impl Audit {
         self.allow(at, Allowed::Order(order));
     }
 
+    /// When a start was last ordered.
+    pub fn start_ordered_at(&self) -> Option<Nanos> {
+        (self.started_at > 0).then_some(self.started_at)
+    }
+
     /// A source has commanded, whatever it was.
     pub fn commanded(&mut self, at: Nanos) {
         self.commanded_at = at;
@@ -399,8 +407,9 @@ impl Audit {
         self.last_slot = None;
         self.slot_shared_at = None;
         let before = match (self.on_wire.take(), self.orders.back()) {
-            // It is retained, though it may not have been sent yet.
+            // These are retained, though they may not have been sent yet.
             (_, Some(&(_, Allowed::Order(Order::EmergencyStop)))) => WireCommand::Stop,
+            (_, Some(&(_, Allowed::Order(Order::Standby)))) => WireCommand::Standby,
             (Some(before), _) => before,
             // Nothing was sent since the reset before.
             (None, Some(&(_, Allowed::Again(before)))) => before,
@@ -555,14 +564,21 @@ impl Audit {
             }
         };
         let wire = self.judges.wire(command);
-        let rise = Rise { at: start, last: self.level, until: self.rises_until };
-        let allowed = self.any_order(wire, |order| self.judges.allows(command, order, &rise));
+        let by_rpm = matches!(wire, WireCommand::RunRpm(_));
+        let of_other_kind = self.level.is_some_and(|level| level.value > 0 && level.by_rpm != by_rpm);
+        let from_less = self.received.gap > self.level.map(|level| level.at);
+        let rise = Rise { at: start, last: self.level, until: self.rises_until, from_less, of_other_kind };
+        let allowed = self.any_order(wire, |order| self.judges.allows(command, order, &rise))
+            || self.repeats_in_doubt(wire);
         if wire == WireCommand::Stop && self.on_wire != Some(WireCommand::Stop) {
             self.stop_at = Some(start);
         }
         self.sent_until = frame.end;
         if wire != WireCommand::Nothing {
             self.on_wire = Some(wire);
+            if let WireCommand::RunRpm(_) = wire {
+                self.last_rpm = Some(wire);
+            }
             self.commanded_until = frame.end;
         }
         self.note_level(wire, self.judges.rpm_step(command));
@@ -610,9 +626,21 @@ impl Audit {
                 (Allowed::Again(WireCommand::Run(before)), WireCommand::Run(now)) => {
                     before.abs_diff(now) <= REPORTED_GRAIN
                 }
+                // A start by speed that the reset interrupted: idle.
+                (Allowed::Again(WireCommand::RunRpm(_)), WireCommand::Run(0)) => true,
                 (Allowed::Again(before), _) => wire == before || wire == WireCommand::Nothing,
                 (Allowed::UpTo(_), _) => wire == WireCommand::Nothing,
             })
+    }
+
+    /// Whether the node repeats a speed because it has not received its ECU: that starts nothing.
+    fn repeats_in_doubt(&self, wire: WireCommand) -> bool {
+        let runs = self
+            .orders
+            .iter()
+            .any(|&(_, allowed)| matches!(allowed, Allowed::Order(Order::Run(_)) | Allowed::UpTo(_)));
+        let in_doubt = self.received.gap.is_some_and(|gap| self.frame_start <= gap + UNCONFIRMED);
+        runs && in_doubt && self.last_rpm == Some(wire)
     }
 
     /// Keeps the demand of this frame; it rises no more when it is the one that is given, to the step of the wire.
@@ -631,7 +659,7 @@ impl Audit {
             (WireCommand::Stop | WireCommand::Standby, _) => (0, false),
             (WireCommand::Nothing, _) => return,
         };
-        self.level = Some(Level { at, value });
+        self.level = Some(Level { at, value, by_rpm: matches!(wire, WireCommand::RunRpm(_)) });
         if arrived && self.received.gap.is_none_or(|gap| at > gap + MADE_BEFORE) {
             self.rises_until = None;
         }

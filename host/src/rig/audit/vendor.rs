@@ -43,6 +43,8 @@ pub struct Level {
     pub at: Nanos,
     /// The demand.
     pub value: u32,
+    /// It is a speed.
+    pub by_rpm: bool,
 }
 
 /// How far a demand may have risen towards the commanded one.
@@ -54,6 +56,10 @@ pub struct Rise {
     pub last: Option<Level>,
     /// It may still be on its way up, until then.
     pub until: Option<Nanos>,
+    /// The ECU was not received since: the way begins with what it obeys, which may be less.
+    pub from_less: bool,
+    /// The last one is of the other kind: the way begins with what the ECU makes of it.
+    pub of_other_kind: bool,
 }
 
 impl Rise {
@@ -65,7 +71,11 @@ impl Rise {
         let passed = self.at.saturating_sub(last.at) + COMPUTED_BEFORE;
         let most = u64::from(full) * RISE * passed / (1000 * SECOND);
         let most = u64::from(last.value) + most + u64::from(grain);
-        rises && (last.value..=given).contains(&value) && u64::from(value) <= most
+        if self.of_other_kind {
+            return rises && value <= given;
+        }
+        let least = if self.from_less { 0 } else { last.value };
+        rises && (least..=given).contains(&value) && u64::from(value) <= most
     }
 }
 

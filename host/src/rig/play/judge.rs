@@ -67,6 +67,11 @@ impl Judge {
         self.stop_since = self.stop_since.filter(|&(since, _)| at >= since + within);
     }
 
+    /// A stop is released: whatever was not on the wire in time by then was late.
+    pub fn stop_released(&mut self, at: Nanos) {
+        self.stop_since = self.stop_since.filter(|&(_, until)| at > until);
+    }
+
     /// What was found.
     pub const fn verdict(&self) -> Verdict {
         self.verdict
@@ -78,6 +83,8 @@ impl Judge {
         if seen.commands_run {
             self.run_at = Some(now);
         }
+        // Between two looks it may have begun and ended.
+        self.run_at = self.run_at.max(seen.audit.start_ordered_at());
         for &ignition in seen.ignitions.iter().skip(self.ignitions) {
             let commanded = self.run_at.is_some_and(|at| at + IGNITES_WITHIN >= ignition);
             // A damaged frame may pass its checksum: the node has not sent that run.

@@ -260,7 +260,10 @@ impl<'a> Player<'a> {
                 hand.stop.set(false);
                 // Only a latched stop becomes standby by it.
                 if self.node.telemetry(engine).stop_latched {
-                    self.order(engine, Command::ReleaseStop, Order::Standby);
+                    let answer = self.order(engine, Command::ReleaseStop, Order::Standby);
+                    if matches!(answer, Some(Ok(_))) {
+                        hand.judge.borrow_mut().stop_released(clock::now_ns());
+                    }
                 } else {
                     self.command(engine, Command::ReleaseStop);
                 }

@@ -276,6 +276,51 @@ fn a_standby_that_a_reset_repeats_gives_up_no_engine() {
     all_pass("repeats", &[&format!("engine name=left,ecu=zk,mode=rpm\n{actions}")]);
 }
 
+/// An AMT ECU is answered every 125 ms.
+#[test]
+fn a_stop_that_is_released_before_its_first_frame_is_not_late() {
+    let of =
+        |at: f64| format!("2 left standby\n{at} left emergency-stop\n{} left release\n20 end\n", at + 0.1);
+    let scripts = [8.0, 8.1, 8.2, 8.3, 8.4].map(|at| format!("{AMT}{}", of(at)));
+    all_pass("released", &scripts.each_ref().map(String::as_str));
+}
+
+#[test]
+fn a_standby_of_the_instant_of_a_reset_is_in_force_after_it() {
+    let actions = "10 all node-reset\n10 all standby\n10 all standby\n20 end\n";
+    all_pass("standby-and-reset", &[&format!("{AMT}{actions}"), &format!("{ZK}{actions}")]);
+}
+
+/// It waits for its ECU, with the speed that it has sent last: another kind of demand waits, too.
+#[test]
+fn a_node_in_doubt_repeats_the_speed() {
+    let by_rpm = "engine name=left,ecu=zk,mode=rpm\n";
+    let cut = "60 left cut\n62 left throttle 40\n75 left mend\n90 end\n";
+    let reset = "60 all node-reset\n60.2 left throttle 40\n80 end\n";
+    let in_start = "18.8 all node-reset\n21 left throttle 40\n25 all node-reset\n50 end\n";
+    all_pass(
+        "doubt",
+        &[cut, reset, in_start].map(|actions| format!("{by_rpm}{actions}")).each_ref().map(String::as_str),
+    );
+}
+
+/// What the ECU obeys may be less than what was sent last.
+#[test]
+fn a_rise_after_a_gap_begins_with_what_the_ecu_obeys() {
+    let engine = "engine name=left,ecu=zk,mode=split,rate=100\n";
+    let script = format!("{engine}3 left arm\n28.9 left noise\n44.2 left throttle 100\n68.3 end\n");
+    all_pass("obeys", &[&script, &format!("seed 1972\n{script}")]);
+}
+
+#[test]
+fn a_start_that_ends_within_a_moment_is_a_commanded_one() {
+    let engine = "engine name=left,ecu=zk,mode=rpm,rate=100,baud=38400\n";
+    all_pass(
+        "moment",
+        &[&format!("{engine}5 left disarm\n6 left arm\n17.7 left start\n17.7 left cut-to-node\n17.8 end\n")],
+    );
+}
+
 #[test]
 fn a_switch_that_was_at_stop_for_no_frame_is_no_late_stop() {
     let actions = "3 all arm\n29.1 all disarm\n29.1 all start\n40 end\n";
