@@ -53,6 +53,9 @@ impl Failure {
     }
 }
 
+/// A smaller share would invert less than one bit in a million.
+const SMALLEST_NOISE: f64 = 0.000_004;
+
 /// About one byte in a thousand each is damaged, lost, added or breaks its frame.
 const LIGHT: &str = "noise=0.001,lose=0.001,add=0.001,framing=0.001,jitter=0.5ms";
 /// About one byte in twelve suffers, and some come late.
@@ -139,6 +142,9 @@ impl Faults {
                 let bytes = f64::from(share(value)?) / 1e6;
                 let bits = 1.0 - (1.0 - bytes).powf(1.0 / 8.0);
                 self.line.flip_per_million = (bits * 1e6).round() as u32;
+                if bytes > 0.0 && self.line.flip_per_million == 0 {
+                    return Err(format!("noise={value} is below the smallest value, {SMALLEST_NOISE}"));
+                }
             }
             "lose" => self.line.lose_per_million = share(value)?,
             "add" => self.line.add_per_million = share(value)?,
@@ -252,6 +258,16 @@ mod tests {
         let cut = Faults::parse("cut=right@40s+5s", &engines).unwrap();
         assert!(cut.line_is_clean(0) && !cut.line_is_clean(1));
         assert_eq!(cut.line_clean_from(1), Instant::from_secs(45));
+    }
+
+    #[test]
+    fn noise_that_would_round_to_none_is_refused() {
+        let engines = engines(&[]).unwrap();
+        let flips = |text: &str| Faults::parse(text, &engines).map(|faults| faults.line.flip_per_million);
+        assert_eq!(flips("noise=0.000004"), Ok(1));
+        let error = flips("noise=0.000001").unwrap_err();
+        assert_eq!(error, "--faults: noise=0.000001 is below the smallest value, 0.000004");
+        assert!(flips("lose=0.0000001").unwrap_err().contains("below the smallest one, 0.000001"));
     }
 
     #[test]

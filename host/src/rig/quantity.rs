@@ -25,9 +25,15 @@ pub fn duration(text: &str) -> Result<Duration, String> {
     Ok(Duration::from_micros(micros.round() as u64))
 }
 
+/// One in a million.
+const SMALLEST_SHARE: f64 = 0.000_001;
+
 /// A chance from 0 to 1, in millionths.
 pub fn share(text: &str) -> Result<u32, String> {
     match text.parse::<f64>() {
+        Ok(share) if share > 0.0 && share < SMALLEST_SHARE => {
+            Err(format!("the share {text} is below the smallest one, {SMALLEST_SHARE}"))
+        }
         Ok(share) if (0.0..=1.0).contains(&share) => Ok((share * 1e6).round() as u32),
         _ => Err(format!("invalid share `{text}`, use a number from 0 to 1")),
     }
@@ -63,7 +69,8 @@ mod tests {
     fn shares_are_from_0_to_1() {
         assert_eq!(share("0.02"), Ok(20_000));
         assert_eq!(share("1"), Ok(1_000_000));
-        for text in ["", "1.1", "-0.1", "2%", "nan"] {
+        assert_eq!((share("0"), share("0.000001")), (Ok(0), Ok(1)));
+        for text in ["", "1.1", "-0.1", "2%", "nan", "0.0000009", "1e-9"] {
             assert!(share(text).is_err(), "{text}");
         }
     }
