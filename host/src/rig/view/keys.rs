@@ -206,7 +206,12 @@ pub fn does(event: &KeyEvent, open: &[Key]) -> Option<Does> {
     let ctrl = event.modifiers.contains(KeyModifiers::CONTROL);
     // The emergency stop is one with whatever else is held down.
     let any = event.code == Char(' ');
-    let is_it = |key: &&Key| (any || key.ctrl == ctrl) && key.codes.contains(&event.code);
+    // With Caps Lock letters act, too: no key is a capital.
+    let code = match event.code {
+        Char(letter) => Char(letter.to_ascii_lowercase()),
+        other => other,
+    };
+    let is_it = |key: &&Key| (any || key.ctrl == ctrl) && key.codes.contains(&code);
     let mut all = open.iter().chain(&KEYS);
     all.find(is_it).map(|key| key.does)
 }
@@ -244,6 +249,22 @@ mod tests {
                 );
             }
             assert!(open.iter().all(|key| !key.codes.contains(&KeyCode::Char(' '))));
+        }
+    }
+
+    #[test]
+    fn letters_act_with_caps_lock() {
+        for (open, key) in [&KEYS[..], &FAULTS, &RELEASE]
+            .into_iter()
+            .flat_map(|open| open.iter().map(move |key| (open, key)))
+        {
+            for &code in key.codes {
+                let Char(letter) = code else { continue };
+                let held = if key.ctrl { KeyModifiers::CONTROL } else { KeyModifiers::NONE };
+                let (small, capital) = (press(code, held), press(Char(letter.to_ascii_uppercase()), held));
+                assert!(does(&small, open).is_some(), "{letter}");
+                assert_eq!(does(&capital, open), does(&small, open), "{letter}");
+            }
         }
     }
 
