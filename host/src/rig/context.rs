@@ -34,8 +34,10 @@ pub enum Stage {
     Done,
     /// Something was not reached; the engine is kept in standby.
     Failed,
-    /// What the run is about happens: a scenario's event, or a source that falls silent.
-    Event,
+    /// Its source falls silent in the middle of the run, and comes back.
+    SourceLost,
+    /// What this scenario is about happens.
+    Scenario(&'static str),
     /// It was taken from its script, and is played.
     Played,
     /// It has no script: MAVLink or radio control commands it.
@@ -53,7 +55,8 @@ impl Stage {
             Self::Cooling => "cooling",
             Self::Done => "done",
             Self::Failed => "failed",
-            Self::Event => "event",
+            Self::SourceLost => "source lost",
+            Self::Scenario(name) => name,
             Self::Played => "played",
             Self::Commanded => "commanded",
         }

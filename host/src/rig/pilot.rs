@@ -335,7 +335,7 @@ impl<'a> Pilot<'a> {
 
     /// The source is silent for a while: the demand is held, goes to idle, and comes back with it.
     async fn fall_silent(&self) -> Result<(), String> {
-        self.stage(Stage::Event);
+        self.stage(Stage::SourceLost);
         self.context.note("its source falls silent");
         self.context.silent.set(true);
         let silent = self.keep_running(Instant::now() + SILENCE).await;

@@ -15,7 +15,7 @@ const COLUMNS: [(&str, usize); 11] = [
     ("sent", 10),
     ("link", 8),
     ("source", 15),
-    ("progress", 8),
+    ("progress", 11),
     ("armed", 5),
     ("errors", 6),
     ("worst timing", 34),

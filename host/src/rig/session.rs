@@ -125,7 +125,8 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
     if setup.details {
         contexts.iter().for_each(|context| context.tap.borrow_mut().open());
     }
-    let scenario_context = ScenarioContext::new(&node, &contexts, &plugs, &notes);
+    let name = setup.scenario.map_or("", |scenario| scenario.name);
+    let scenario_context = ScenarioContext::new(&node, &contexts, &plugs, &notes, name);
     let transmitter = setup.radio.as_ref().and_then(Radio::transmitter);
     let player = Player::new(&node, &contexts, &plugs, &notes, transmitter, setup.scenario.is_some());
     let flown: Vec<Flown> = setup.engines.iter().map(|_| RefCell::new(None)).collect();

@@ -96,7 +96,10 @@ fn most_urgent(
     if let Some(name) = first(&|sample| sample.silent) {
         return format!("{name}'s source has fallen silent");
     }
-    if let Some(name) = first(&|sample| sample.stage == Stage::Event) {
+    if let Some(Stage::Scenario(name)) = samples.first().map(|sample| sample.stage) {
+        return format!("the scenario {name} is played, and judged at its end");
+    }
+    if let Some(name) = first(&|sample| sample.stage == Stage::SourceLost) {
         return format!("{name}'s source is back: the demand rises to what it commands");
     }
     let starting = first(&|sample| sample.stage == Stage::Start);

@@ -72,7 +72,7 @@ impl Palette {
                 Stage::Steps => "#12233a",
                 Stage::Cooling => "#2a1624",
                 Stage::Failed => "#4a1515",
-                Stage::Event => "#2b2a12",
+                Stage::SourceLost | Stage::Scenario(_) => "#2b2a12",
                 Stage::Played => "#231a36",
             }
         } else {
@@ -84,7 +84,7 @@ impl Palette {
                 Stage::Cooling => "#f8e6ee",
                 Stage::Done => "#f4f4f4",
                 Stage::Failed => "#ffc8c8",
-                Stage::Event => "#fdf6cc",
+                Stage::SourceLost | Stage::Scenario(_) => "#fdf6cc",
                 Stage::Played => "#eee6fa",
             }
         }

@@ -119,6 +119,8 @@ pub struct ScenarioContext<'a> {
     contexts: &'a [EngineContext<'a>],
     plugs: &'a [Plug<AnyEcu>],
     notes: &'a Notes,
+    /// Of the scenario; empty where none is played.
+    name: &'static str,
     sources: Vec<CommandSource<'a>>,
     checks: RefCell<Vec<Check>>,
     courses: Vec<RefCell<Vec<Moment>>>,
@@ -137,6 +139,7 @@ impl<'a> ScenarioContext<'a> {
         contexts: &'a [EngineContext<'a>],
         plugs: &'a [Plug<AnyEcu>],
         notes: &'a Notes,
+        name: &'static str,
     ) -> Self {
         let sources = contexts.iter().map(CommandSource::new).collect();
         let courses = contexts.iter().map(|_| RefCell::default()).collect();
@@ -145,6 +148,7 @@ impl<'a> ScenarioContext<'a> {
             contexts,
             plugs,
             notes,
+            name,
             sources,
             checks: RefCell::default(),
             courses,
@@ -334,7 +338,7 @@ impl<'a> ScenarioContext<'a> {
 
     /// What the scenario is about begins.
     pub fn event(&self) {
-        (0..self.count()).for_each(|i| self.stage(i, Stage::Event));
+        (0..self.count()).for_each(|i| self.stage(i, Stage::Scenario(self.name)));
     }
 
     /// Lets this number of seconds pass.

@@ -131,6 +131,20 @@ pub fn text(buffer: &Buffer) -> String {
     (0..area.height).map(line).collect()
 }
 
+/// Of nothing that is called an event can a newcomer say what happens.
+#[test]
+fn each_stage_is_named_for_what_happens() {
+    let tour = play("named-stages", &tour(), &[], 140.0);
+    let progress = |what: &str| {
+        let text = format!("progress: {what}");
+        tour.model.events.iter().filter(|event| event.text == text).count()
+    };
+    assert_eq!((progress("source lost"), progress("event")), (1, 0));
+    for scenario in super::super::scenario::ALL {
+        assert_eq!(Stage::Scenario(scenario.name).name(), scenario.name);
+    }
+}
+
 const HEAD: &str = "jetlink rig script, version 0.1.0\n";
 const PAIR: &str =
     "engine name=left,ecu=amt,engine=olympus,baud=115200\nengine name=right,ecu=zk,version=5\n";
