@@ -427,6 +427,12 @@ impl Beat {
         }
     }
 
+    /// Whether no byte was received for longer than half of the time between two frames: what was begun before is never complete.
+    pub fn broke_off(&self, now: Instant) -> bool {
+        let longest = self.gap_after / (2 * GAP_FRAMES);
+        self.last_byte.is_some_and(|last| now.saturating_duration_since(last) > longest)
+    }
+
     /// Takes received bytes of any kind.
     pub fn bytes(&mut self, now: Instant, count: usize) {
         let paused = self.last_byte.is_none_or(|last| now.saturating_duration_since(last) > self.pause);

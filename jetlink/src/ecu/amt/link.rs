@@ -305,6 +305,10 @@ impl Link for AmtLink {
     }
 
     fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
+        if self.beat.broke_off(now) {
+            // The rest of another set would complete this one, with the state of before.
+            self.decoder.byte_lost();
+        }
         let (taken, frame) = self.decoder.feed(bytes);
         self.damage.received(taken, bytes.len());
         self.beat.bytes(now, taken);

@@ -399,6 +399,28 @@ fn amt_12_a_gap_puts_the_life_in_doubt() {
     assert_eq!(answer(&mut bench, &own), Some((RUN_OPS, 90)));
 }
 
+/// The wire is cut in the middle of a set and mended in the middle of another one. With its state from before, the set that the two
+/// would make says running, whatever the ECU has done meanwhile, and is answered with run.
+#[test]
+fn bytes_from_before_a_pause_are_not_part_of_a_set_after_it() {
+    let good = hot(normal(FULL_OPERATION, RUN, 100));
+    for (pause, answered) in [(20_000, true), (100_000, false), (1_000_000, false)] {
+        let mut bench = flying();
+        bench.run_to_us(bench.now_us() + FRAME_PERIOD_US);
+        bench.frames();
+        bench.receive(&good[..4]);
+        let end = bench.now_us() + pause;
+        while bench.now_us() < end {
+            let _ = command(&mut bench, run_at(800));
+            bench.run_to_us(end.min(bench.now_us() + 100_000));
+        }
+        bench.receive(&good[4..]);
+        assert_eq!(!bench.frames().is_empty(), answered, "after {pause} us");
+        // The next whole set is answered.
+        assert_eq!(answer(&mut bench, &good), Some((RUN_OPS, 160)), "after {pause} us");
+    }
+}
+
 /// AMT-3: what each kind of set reports about the life of the engine.
 #[test]
 fn each_set_gives_the_sign_of_its_state() {

@@ -37,6 +37,7 @@ fn amt_11_nothing_is_sent_without_a_frame() {
     bench.rx_at_us(10_000_000, &[0x00, 0x7F, 0xFE]); // noise
     bench.rx_at_us(11_000_000, &normal(FULL_OPERATION, RUN, 100)[..5]); // a frame but for its last byte
     bench.rx_at_us(12_000_000, &[0xFF, 0xFF, 0xFF]); // leaders
+    bench.rx_at_us(19_990_000, &[0xFF]);
     bench.run_to_us(20_000_000);
     assert_eq!(bench.frames(), []);
     assert_eq!(bench.machine.status().counters.replies_missed, 0);
