@@ -339,8 +339,12 @@ impl EngineContext {
     pub fn look(&mut self) {
         let at = now();
         self.cut_off(at);
-        let frames = self.reader.read(&self.plug.take_log());
+        let record = self.plug.take_log();
+        let frames = self.reader.read(&record);
         self.history.frames.extend(frames);
+        if self.history.is_amt() {
+            self.history.sets.extend(self.reader.ends_of_reports(&record));
+        }
         let (seen, before) = (self.ignitions, self.given_up);
         let (sample, ignitions, given_up, pwm) = self.plug.ecu(|ecu| {
             let ecu = &*ecu;
@@ -473,6 +477,7 @@ impl EngineContext {
         let at = now();
         self.look();
         self.disturber.finish(&mut self.history, at);
+        self.history.sets.extend(self.reader.last_report().filter(|_| self.history.is_amt()));
         self.valve.end(&mut self.history, at);
         if let Some(since) = self.pwm_since.take() {
             self.history.pwm.push(since, at);
@@ -487,9 +492,10 @@ impl EngineContext {
         }
     }
 
-    /// What came of it, with the times in which other engines of the group may have failed, and have for sure.
-    pub fn judged(&mut self, failed: Spans, down: Spans) -> Judged {
+    /// What came of it, with the times in which other engines of the group may have failed, and have for sure, and of their starts.
+    pub fn judged(&mut self, failed: Spans, down: Spans, starts: Vec<u64>) -> Judged {
         (self.history.other_failed, self.history.other_down) = (failed, down);
+        self.history.other_starts = starts;
         let verdict = judge(&self.history);
         Judged {
             name: self.setup.name(),

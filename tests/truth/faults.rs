@@ -411,7 +411,10 @@ pub fn write_down(history: &mut History, fault: Fault, from_us: u64, to_us: u64)
                 add(&mut history.noise_to_ecu);
             }
         }
-        Fault::Framing(_) => add(&mut history.noise),
+        Fault::Framing(_) => {
+            add(&mut history.noise);
+            add(&mut history.framing);
+        }
         Fault::OneWrongFrame | Fault::OneFrameAtRest => {
             add(&mut history.noise);
             history.forged.push(from_us);

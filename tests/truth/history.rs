@@ -411,6 +411,8 @@ pub struct Rules {
     /// The hottest exhaust for a start, °C.
     pub egt_max: f64,
     pub start_timeout: u64,
+    /// Time between the starts of two engines.
+    pub start_gap: u64,
     /// Longest wait of a start for other engines; 0 with one engine.
     pub start_wait: u64,
     /// Throttle until the engine runs, 0.1 %.
@@ -441,6 +443,9 @@ pub struct Rules {
     pub limit_fault: Option<bool>,
     /// A limit of how values change has an action: standby, or the fail-safe. No turbine passes it in order.
     pub limit_change: Option<bool>,
+    /// Those of a shaft that runs down, and of an exhaust that rises in a start.
+    pub limit_flame: Option<bool>,
+    pub limit_hot: Option<bool>,
     /// Share in per mille to which the demand is reduced while another engine has failed.
     pub when_other_fails: Option<u32>,
 }
@@ -547,6 +552,8 @@ pub struct History {
     pub garbled: Spans,
     /// Every single byte that comes from the ECU is damaged.
     pub ruined: Spans,
+    /// Some are, by framing errors that leave their number as it is.
+    pub framing: Spans,
     /// When one frame came that no ECU sent.
     pub forged: Vec<u64>,
     /// When a transmitter that hung continued: what was on its way then is old.
@@ -557,6 +564,10 @@ pub struct History {
     pub pwm: Spans,
     /// There is a signal on it that commands run.
     pub pwm_signal: Spans,
+    /// When other engines of the node were started.
+    pub other_starts: Vec<u64>,
+    /// When each set of an AMT ECU ended on its wire.
+    pub sets: Vec<u64>,
     /// Another engine of the node does not run although it was to.
     pub other_failed: Spans,
     /// It has failed for sure: it went out, and nobody commanded it to.
@@ -590,11 +601,14 @@ impl History {
             noise_to_ecu: Spans::default(),
             garbled: Spans::default(),
             ruined: Spans::default(),
+            framing: Spans::default(),
             forged: Vec::new(),
             stalls: Vec::new(),
             versions: Vec::new(),
             pwm: Spans::default(),
             pwm_signal: Spans::default(),
+            other_starts: Vec::new(),
+            sets: Vec::new(),
             other_failed: Spans::default(),
             other_down: Spans::default(),
             sensor: Spans::default(),
@@ -603,6 +617,16 @@ impl History {
             radio: None,
             mavlink: None,
         }
+    }
+
+    /// When run goes out behind standby or a stop.
+    pub fn starts_on_wire(&self) -> Vec<u64> {
+        let switches: Vec<(u64, Switch)> =
+            self.frames.iter().filter_map(|frame| Some((frame.at, frame.sent.switch()?))).collect();
+        let starts = switches
+            .windows(2)
+            .filter(|pair| matches!(pair[0].1, Switch::Standby | Switch::Stop) && pair[1].1 == Switch::Run);
+        starts.map(|pair| pair[1].0).collect()
     }
 
     pub fn is_amt(&self) -> bool {

@@ -11,7 +11,9 @@ mod healthy;
 mod limits;
 mod mavlink;
 mod obeyed;
+mod prompt;
 mod receiver;
+mod second;
 mod shape;
 mod silence;
 mod starts;
@@ -35,6 +37,7 @@ pub fn judge(history: &History) -> Verdict {
     case.mavlink();
     case.starts();
     case.run_at_rest();
+    case.second_life();
     case.doubt();
     case.granted();
     case.goes_out();
@@ -53,6 +56,7 @@ pub fn judge(history: &History) -> Verdict {
     case.limits();
     case.reduction();
     case.take_over();
+    case.prompt();
     case.hand_over();
     case.versions();
     case.shares();

@@ -2,6 +2,7 @@
 
 mod flight;
 mod mavlink;
+mod prompt;
 mod shape;
 mod silence;
 mod starts;
@@ -49,6 +50,7 @@ fn rules(kind: Kind) -> Rules {
         idle_band: 20,
         egt_max: 100.0,
         start_timeout: 120 * SECOND,
+        start_gap: 0,
         start_wait: 0,
         start_throttle: 0,
         governor: false,
@@ -66,6 +68,8 @@ fn rules(kind: Kind) -> Rules {
         limit_rpm: None,
         limit_fault: None,
         limit_change: None,
+        limit_flame: None,
+        limit_hot: None,
         when_other_fails: None,
     }
 }

@@ -243,6 +243,7 @@ fn rules(config: &EngineConfig, ecu: &AnyConfig, count: usize) -> Rules {
         idle_band: all.start.idle_band.tenths().into(),
         egt_max: f64::from(all.start.egt_max.tenths()) / 10.0,
         start_timeout: micros(all.start.timeout),
+        start_gap: micros(all.start.gap),
         start_wait: others * (micros(all.start.gap) + 120 * SECOND),
         start_throttle: facts.start_throttle,
         governor: all.governor.is_some(),
@@ -275,6 +276,8 @@ fn rules(config: &EngineConfig, ecu: &AnyConfig, count: usize) -> Rules {
         ]
         .into_iter()
         .find_map(limit),
+        limit_flame: limit(all.limits.flame_out.action),
+        limit_hot: limit(all.limits.hot_start.action),
         when_other_fails: all.when_other_fails.map(u32::from),
     }
 }

@@ -4,14 +4,38 @@ use crate::ecus;
 use crate::history::Frame;
 use sim::any::Protocol;
 use sim::control;
-use sim::wire::Entry;
+use sim::wire::{Direction, Entry};
+
+/// A pause between two bytes of an ECU that ends a frame of it, ns.
+const PAUSE: u64 = 2_000_000;
 
 #[derive(Debug)]
-pub struct Reader(control::Reader);
+pub struct Reader {
+    frames: control::Reader,
+    /// End of the last byte of the ECU.
+    last: u64,
+}
 
 impl Reader {
     pub const fn new(protocol: Protocol) -> Self {
-        Self(control::Reader::new(protocol))
+        Self { frames: control::Reader::new(protocol), last: 0 }
+    }
+
+    /// When each frame of the ECU ended behind which another one begins in this part of the record, in µs.
+    pub fn ends_of_reports(&mut self, record: &[Entry]) -> Vec<u64> {
+        let mut ends = Vec::new();
+        for entry in record.iter().filter(|entry| entry.direction == Direction::ToNode) {
+            let before = core::mem::replace(&mut self.last, entry.end);
+            if before > 0 && entry.start > before + PAUSE {
+                ends.push(before / 1000);
+            }
+        }
+        ends
+    }
+
+    /// When the last one ended, or its bytes up to now.
+    pub fn last_report(&self) -> Option<u64> {
+        Some(self.last / 1000).filter(|last| *last > 0)
     }
 
     /// The frames whose last byte is in this part of the record.
@@ -21,6 +45,6 @@ impl Reader {
             arrived: frame.delivered,
             sent: ecus::sent(&frame),
         };
-        self.0.read(record).map(frame).collect()
+        self.frames.read(record).map(frame).collect()
     }
 }

@@ -175,12 +175,16 @@ fn play<const N: usize>(
     contexts.iter_mut().for_each(EngineContext::end);
     let ends: Vec<Spans> = contexts.iter().map(|context| may_have_failed(&context.history)).collect();
     let sure: Vec<Spans> = contexts.iter().map(|context| failed_for_sure(&context.history)).collect();
+    let started: Vec<Vec<u64>> = contexts.iter().map(|context| context.history.starts_on_wire()).collect();
     let engines = (0..N).map(|port| {
         let others = |of: &[Spans]| {
             let others = (0..N).filter(|other| *other != port).map(|other| &of[other]);
             others.fold(Spans::default(), |all, spans| all.union(spans))
         };
-        contexts[port].judged(others(&ends), others(&sure))
+        let started = (0..N).filter(|other| *other != port).flat_map(|other| &started[other]);
+        let mut started: Vec<u64> = started.copied().collect();
+        started.sort_unstable();
+        contexts[port].judged(others(&ends), others(&sure), started)
     });
     World { seed, engines: engines.collect() }
 }

@@ -11,6 +11,8 @@ pub enum Rule {
     Ignition,
     /// An engine at rest is sent run for a bounded time, and after a restart of its ECU or a lost line on a new start only.
     RunAtRest,
+    /// An engine that burns again on the order of an earlier life is not sent run.
+    SecondLife,
     /// Nothing that could start an engine is sent while nobody can know whether it lives.
     Doubt,
     /// A start that is commanded as documented begins.
@@ -64,9 +66,10 @@ pub enum Rule {
 }
 
 impl Rule {
-    pub const ALL: [Self; 27] = [
+    pub const ALL: [Self; 28] = [
         Self::Ignition,
         Self::RunAtRest,
+        Self::SecondLife,
         Self::Doubt,
         Self::Granted,
         Self::SilentWire,
@@ -151,6 +154,8 @@ pub struct Case<'a> {
     pub hidden: Spans,
     /// Times in which the release of a stop is out of the question.
     pub stopped: Spans,
+    /// The frames with a demand above the fail-safe.
+    pub high: Vec<u64>,
     pub verdict: Verdict,
 }
 
@@ -176,6 +181,12 @@ impl<'a> Case<'a> {
             down,
             blind,
             stopped: Spans::default(),
+            high: h
+                .frames
+                .iter()
+                .filter(|frame| frame.sent.demand().is_some_and(|demanded| is_above_fail_safe(h, demanded)))
+                .map(|frame| frame.at)
+                .collect(),
             verdict: Verdict::default(),
             h,
         }
@@ -238,6 +249,14 @@ pub fn two_states(h: &History) -> u64 {
     match rules.kind {
         Kind::Amt => (reports + 2) * rules.period + 300 * MS,
         Kind::Zk(_) => reports * h.rounds().1 * rules.period + 400 * MS,
+    }
+}
+
+/// Above the fail-safe, by more than the resolution of the wire.
+pub fn is_above_fail_safe(h: &History, demanded: Demanded) -> bool {
+    match demanded {
+        Demanded::Throttle(tenths) => tenths > h.rules.fail_safe + 8,
+        Demanded::Rpm(rpm) => f64::from(rpm) > h.rules.idle_rpm + 0.006 * h.rules.max_rpm,
     }
 }
 

@@ -111,6 +111,8 @@ impl Case<'_> {
         let h = self.h;
         let rules = &h.rules;
         let mut before: Option<(u64, Demanded, f64)> = None;
+        // How far the demand may have come by now from the lowest one that was on the wire: at `slew.up`, and at `rise`.
+        let (mut slewed, mut risen) = (0.0_f64, 0.0_f64);
         // What came to the ECU last: the demand that a node without memory finds and continues with.
         let mut obeyed: Option<(Demanded, f64)> = None;
         // Until an ID 6 without RPM_X has come, that is the speed.
@@ -118,18 +120,24 @@ impl Case<'_> {
         let mut forgets =
             h.resets.iter().filter(|reset| reset.cause != Cause::Watchdog).map(|reset| reset.up).peekable();
         let mut reported = 0;
+        // What a frame reports was reckoned up to a slot before it began: once, however long the demand rises.
+        let rises_in = |rate: u32, time: u64| f64::from(rate) * time as f64 / SECOND as f64;
+        let slack = |rate: u32| rises_in(rate, rules.period + 20 * MS) + STEP;
         for frame in &h.frames {
             if forgets.next_if(|up| *up <= frame.at).is_some() {
                 let higher = |(_, low): &(Demanded, f64)| before.is_none_or(|(.., before)| *low > before);
-                let found = obeyed.filter(higher);
-                before = found.map(|(demanded, low)| (frame.at - rules.period, demanded, low)).or(before);
+                if let Some((demanded, low)) = obeyed.filter(higher) {
+                    before = Some((frame.at - rules.period, demanded, low));
+                    (slewed, risen) = (low, low);
+                }
             }
             if matches!(frame.sent, Sent::Full(switch, _) | Sent::Mode(Some(switch), _) if switch != crate::history::Switch::Run)
             {
                 // The next run begins from the throttle of a start.
-                let idle = Demanded::Throttle(rules.start_throttle);
-                before = Some((frame.at, idle, f64::from(rules.start_throttle)));
-                obeyed = if frame.arrived { Some((idle, f64::from(rules.start_throttle))) } else { obeyed };
+                let (idle, low) = (Demanded::Throttle(rules.start_throttle), f64::from(rules.start_throttle));
+                before = Some((frame.at, idle, low));
+                (slewed, risen) = (low, low);
+                obeyed = if frame.arrived { Some((idle, low)) } else { obeyed };
             }
             if let Sent::Mode(_, factor) = frame.sent
                 && frame.arrived
@@ -141,38 +149,82 @@ impl Case<'_> {
             if frame.arrived && (!by_rpm || matches!(demanded, Demanded::Rpm(_))) {
                 obeyed = Some((demanded, share));
             }
-            if let Some((when, last, low)) = before.replace((at, demanded, share))
-                && core::mem::discriminant(&last) == core::mem::discriminant(&demanded)
-                && share > low
-                && at >= reported
-                && !h.pwm.touches(when, at)
-            {
-                let idle = match demanded {
-                    Demanded::Throttle(_) => f64::from(rules.idle_band.max(rules.start_throttle)),
-                    Demanded::Rpm(_) => rules.idle_rpm / rules.max_rpm * 1000.0,
-                };
-                // Two frames apart at most: what a frame reports was reckoned up to a slot before it began.
-                let time = (at - when) + rules.period + 20 * MS;
-                // Behind a gap it rises from what it was, whatever was commanded meanwhile.
-                let doubted = self.doubted(when, at);
-                let time = if doubted { time.min(2 * rules.period + 150 * MS) } else { time };
-                let risen = |rate: u32| f64::from(rate) * time as f64 / SECOND as f64 + STEP;
-                // A governor has a rate of its own. What it sends is a throttle: a speed on the wire is held by the ECU.
-                let throttle = matches!(demanded, Demanded::Throttle(_));
-                let slow = rules.slew_up.is_some_and(|slew| share > low + risen(slew));
-                let slow = slow && !(throttle && (self.holds_rpm(when) || self.holds_rpm(at)));
-                let governed = throttle && self.governed(when) && self.governed(at);
-                let fast = share > low + risen(rules.rise)
-                    && (doubted || governed || !self.moved(when, at, low, risen(rules.rise), share));
-                if (slow || fast) && share > idle + STEP {
-                    self.verdict.finding(
-                        Rule::Rate,
-                        at,
-                        format!("the demand rises from {last} to {demanded} in {} ms", (at - when) / MS),
-                    );
-                    reported = at + 5 * SECOND;
-                }
+            let idle = match demanded {
+                Demanded::Throttle(_) => f64::from(rules.idle_band.max(rules.start_throttle)),
+                Demanded::Rpm(_) => rules.idle_rpm / rules.max_rpm * 1000.0,
+            };
+            let comparable = before.replace((at, demanded, share)).filter(|(when, last, _)| {
+                core::mem::discriminant(last) == core::mem::discriminant(&demanded)
+                    && !h.pwm.touches(*when, at)
+                    && share > idle + STEP
+            });
+            let Some((when, last, low)) = comparable else {
+                (slewed, risen) = (share, share);
+                continue;
+            };
+            // Behind a gap it rises from what it was, whatever was commanded meanwhile.
+            let doubted = self.doubted(when, at);
+            let time = if doubted { (at - when).min(rules.period + 130 * MS) } else { at - when };
+            // A governor has a rate of its own. What it sends is a throttle: a speed on the wire is held by the ECU.
+            let throttle = matches!(demanded, Demanded::Throttle(_));
+            let mut slow = false;
+            if let Some(slew) = rules.slew_up {
+                slewed += rises_in(slew, time);
+                let governor = throttle && (self.holds_rpm(when) || self.holds_rpm(at));
+                slow = !governor && share > slewed + slack(slew);
+                slewed = if governor || slow { share } else { slewed.min(share) };
             }
+            let governed = throttle && self.governed(when) && self.governed(at);
+            risen += rises_in(rules.rise, time);
+            // One that was reached moves with the stick.
+            let reach = rises_in(rules.rise, at - when) + slack(rules.rise);
+            let moved = share > risen && !doubted && !governed && self.moved(when, at, low, reach, share);
+            let fast = !moved && share > risen + slack(rules.rise);
+            risen = if moved || fast { share } else { risen.min(share) };
+            if share > low && !moved && self.is_rising_to_more(at, share) {
+                self.verdict.count(self.why_it_rises(at), 1);
+            }
+            if (slow || fast) && at >= reported {
+                self.verdict.finding(
+                    Rule::Rate,
+                    at,
+                    format!("the demand rises from {last} to {demanded} in {} ms", (at - when) / MS),
+                );
+                reported = at + 5 * SECOND;
+            }
+        }
+    }
+
+    /// The source in control commands more than this: a rate holds it.
+    fn is_rising_to_more(&self, at: u64, share: f64) -> bool {
+        let run = self.command_log.run_in_control(at.saturating_sub(self.h.rules.period + 20 * MS));
+        run.is_some_and(|(_, wanted)| self.share(wanted) > share + STEP)
+    }
+
+    /// What came before a demand that rises at its rate, for the count.
+    fn why_it_rises(&self, at: u64) -> &'static str {
+        let h = self.h;
+        let since = at.saturating_sub(4 * SECOND);
+        let lately = |spans: &crate::history::Spans| spans.touches(since, at);
+        let commands = h.commanded(at.saturating_sub(8 * SECOND), at).iter();
+        let source = self.command_log.run_in_control(at).map(|(source, _)| source);
+        let others =
+            commands.clone().any(|other| other.command.is_received() && Some(other.source) != source);
+        let returned = source.and_then(|source| self.command_log.commands_since(source, at));
+        if lately(&self.down.longer(2 * SECOND)) {
+            "frames that rise at the rate after a reset"
+        } else if lately(&self.blind.at_least(self.gap())) {
+            "frames that rise at the rate after a gap"
+        } else if self.runs.last_before(at).is_none_or(|(from, _)| from > since) {
+            "frames that rise at the rate after a start"
+        } else if h.rules.when_other_fails.is_some() && lately(&h.other_failed) {
+            "frames that rise at the rate after a reduction"
+        } else if others {
+            "frames that rise at the rate after a take-over"
+        } else if returned.is_some_and(|from| from > since) {
+            "frames that rise at the rate after a loss of the source"
+        } else {
+            "frames that rise at the rate, or at slew.up"
         }
     }
 }

@@ -129,6 +129,7 @@ impl Case<'_> {
             if open + 2 * SECOND < from {
                 continue;
             }
+            self.verdict.count("pumps open for more than 1 s", u64::from(to > open + SECOND));
             let command = h
                 .commanded(0, open)
                 .iter()

@@ -376,16 +376,17 @@ impl Case<'_> {
                 h.samples(to + 1, sets).iter().all(|sample| sample.hidden)
                     && at < to + h.rules.gives_up_after + first
             });
-            let unknown = self.is_amt()
-                && (doubted
-                    || behind_gap
-                    || behind_fault
-                    || power.is_some_and(|reset| faults(reset.up))
-                    || brown_out.is_some_and(|reset| unreadable(reset.up)));
+            let unknown = [
+                (doubted, "AMT, damaged sets behind a reset with error sets"),
+                (behind_gap, "AMT, error sets behind a gap"),
+                (behind_fault, "AMT, another state than running behind error sets"),
+                (power.is_some_and(|reset| faults(reset.up)), "AMT, error sets and nothing retained"),
+                (brown_out.is_some_and(|reset| unreadable(reset.up)), "AMT, error sets without an exhaust"),
+            ];
+            let unknown = unknown.into_iter().find(|(unknown, _)| self.is_amt() && *unknown);
             // An engine that was handed over is stopped by the loss of its PWM input, which is not the node's.
             let handed_over = h.pwm.contains(at.saturating_sub(h.rules.period));
             if mark == Mark::GivenUp
-                && !unknown
                 && !handed_over
                 && ran
                 && run(at)
@@ -393,6 +394,10 @@ impl Case<'_> {
                 && !exempt
                 && self.known_to_run(since)
             {
+                if let Some((_, name)) = unknown {
+                    self.verdict.exempt(name, at - since);
+                    continue;
+                }
                 // Nothing but a gap within the ECU's patience is allowed to a node.
                 let hidden = self.down.within(since, at) + h.noise.within(since, at);
                 let text = format!(
@@ -423,8 +428,12 @@ impl Case<'_> {
     pub(super) fn reduced(&self, at: u64) -> bool {
         let h = self.h;
         let since = self.ran_since(at);
-        // The fail-safe of a limit holds until standby.
+        // The fail-safe of a limit holds until standby: what was passed before the demand was last above it has had no such action.
+        let rules = &h.rules;
+        let fall = 1000 * SECOND / u64::from(rules.ramp.min(rules.slew_down.unwrap_or(rules.ramp)).max(1));
         let start = since.saturating_sub(60 * SECOND);
+        let high = self.high[..self.high.partition_point(|high| *high <= at)].last();
+        let start = high.map_or(start, |high| start.max(high.saturating_sub(fall + 3 * SECOND)));
         let ran = h.samples(start, at);
         // Noise may forge two values that agree.
         let noise = h.noise.touches(start, at);
@@ -491,7 +500,9 @@ impl Case<'_> {
         // Behind a transmitter that hung the demand rises from what it was.
         let hidden = hidden.union(&self.stalled().longer(quick));
         let mut since: Option<(u64, usize, Demanded)> = None;
-        let mut reported = 0;
+        // Since when the same source has been in control, with nothing in the way.
+        let mut control: Option<(u64, usize)> = None;
+        let (mut reported, mut judged, mut limited) = (0, 0, 0);
         let mut frame = 0;
         let (mut low_since, mut high_since) = (None, None);
         // No demand takes longer to fall.
@@ -500,7 +511,7 @@ impl Case<'_> {
         for sample in &h.samples {
             let at = sample.at;
             let new = h.commanded(last, at);
-            last = at;
+            let elapsed = at - core::mem::replace(&mut last, at);
             let run = self.command_log.run_in_control(at).filter(|(source, _)| {
                 // Nobody above it was received lately, who may still be the one in control.
                 (0..*source).all(|higher| {
@@ -520,6 +531,8 @@ impl Case<'_> {
                     && !self.stopped.touches(at.saturating_sub(SECOND), at + 1)
                     && !h.pwm.contains(at)
             });
+            control = steady
+                .map(|(source, _)| control.filter(|(_, before)| *before == source).unwrap_or((at, source)));
             since = match (steady, since) {
                 (None, _) => None,
                 (Some((source, demanded)), Some((from, before, requested)))
@@ -536,10 +549,16 @@ impl Case<'_> {
             while frame < h.frames.len() && h.frames[frame].at <= at {
                 frame += 1;
             }
-            let bound = |source| if self.came_back(source, at, most) { quick } else { most };
+            // A source that has been in control for long, without a loss, has nothing to wait for when it moves its stick.
+            let settled = |from: u64, source: usize| {
+                control.is_some_and(|(control, _)| from > control.max(commanding(source)) + most)
+            };
+            let bound = |from: u64, source: usize| {
+                if settled(from, source) || self.came_back(source, at, most) { quick } else { most }
+            };
             let Some((from, source, demanded)) = since
                 .filter(|&(from, source, _)| at > from.max(commanding(source)) + quick && at >= reported)
-                .filter(|&(from, source, _)| at > from.max(commanding(source)) + bound(source))
+                .filter(|&(from, source, _)| at > from.max(commanding(source)) + bound(from, source))
             else {
                 (low_since, high_since) = (None, None);
                 continue;
@@ -564,7 +583,7 @@ impl Case<'_> {
             let high = sent.is_some_and(|(when, sent)| {
                 fresh(when) && same(sent) && self.share(sent) > self.share(demanded) + 8.0
             });
-            let fallen = at > from.max(commanding(source)) + bound(source) + fall;
+            let fallen = at > from.max(commanding(source)) + bound(from, source) + fall;
             high_since = (high && fallen).then(|| high_since.unwrap_or(at));
             if let (Some(since), Some((_, sent))) = (high_since, sent)
                 && at >= since + SECOND
@@ -578,8 +597,10 @@ impl Case<'_> {
             }
             if self.reduced(at) {
                 low_since = None;
+                limited += elapsed;
                 continue;
             }
+            judged += elapsed;
             let low = match sent {
                 Some((when, sent)) if fresh(when) => {
                     !same(sent) || self.share(sent) + 8.0 < self.share(demanded)
@@ -599,6 +620,8 @@ impl Case<'_> {
                 reported = at + 60 * SECOND;
             }
         }
+        self.verdict.count("seconds in which a demand has to be obeyed", judged / SECOND);
+        self.verdict.count("seconds in which a limit or another engine may hold it low", limited / SECOND);
     }
 }
 

@@ -1,14 +1,25 @@
 //! What lowers a demand has to lower it: limits, another engine that has failed, a source that has yet to take over.
 
-use super::case::{Case, Rule, seconds, two_states};
+use super::case::{Case, Rule, is_above_fail_safe, seconds, two_states};
 use super::control::{CommandLog, silences};
-use crate::history::{Cause, Commanded, Demanded, History, MS, PilotCommand, SECOND, Sample, Spans, Switch};
+use crate::history::{
+    Cause, Commanded, Demanded, History, Kind, MS, PilotCommand, SECOND, Sample, Spans, Switch,
+};
 use sim::turbine::Phase;
 
-/// Beyond a limit by so much, for this long, an ECU has reported it twice: °C, rpm.
+/// Beyond a limit by so much a value is reported as beyond it: °C, rpm.
 const BEYOND: f64 = 12.0;
 const BEYOND_RPM: f64 = 2500.0;
-const REPORTED: u64 = 3 * SECOND;
+/// Less than this part of the speed of 1.4 s ago is a loss of 25 % within 2 s, whatever values a node has of it.
+const LOST: f64 = 0.7;
+const LOST_WITHIN: u64 = 1400 * MS;
+/// By this time a failure has shown.
+const FAILED: u64 = 8 * SECOND;
+/// For this long a lower demand explains a shaft that runs down.
+const SPOOLS_DOWN: u64 = 8 * SECOND;
+/// A rise by so many °C in this time is one of more than 200 °C/s.
+const RISE: f64 = 165.0;
+const RISES_WITHIN: u64 = 750 * MS;
 /// Resolution of the wire, 0.1 %.
 const STEP: f64 = 8.0;
 
@@ -36,69 +47,118 @@ impl Case<'_> {
         if let Some(standby) = rules.limit_fault {
             self.limit(standby, "the ECU's fault", |sample| sample.fault);
         }
+        if let Some(standby) = rules.limit_flame {
+            self.acts(standby, "a shaft that runs down", &self.flame_outs());
+        }
+        if let Some(standby) = rules.limit_hot {
+            self.acts(standby, "the rise of the exhaust in a start", &self.hot_starts());
+        }
     }
 
-    /// A limit that was exceeded for long enough has its action on the wire.
+    /// A limit that two values exceed has its action on the wire, also when the value is within it again.
     fn limit(&mut self, standby: bool, what: &str, beyond: impl Fn(&Sample) -> bool) {
-        let rules = self.h.rules;
-        let fall = 1000 * SECOND / u64::from(rules.ramp.min(rules.slew_down.unwrap_or(rules.ramp)).max(1));
-        let acts = REPORTED + if standby { SECOND } else { fall + SECOND };
-        let hidden =
-            self.blind.union(&self.h.noise).union(&self.down).union(&self.h.sensor).longer(2 * SECOND);
         let exceeded = self.h.times(|sample| sample.runs() && beyond(sample));
-        for (from, to) in exceeded.at_least(acts).iter() {
+        self.acts(standby, what, &exceeded);
+    }
+
+    /// Time in which two values come of which both are from it.
+    fn two_values(&self) -> u64 {
+        let rules = &self.h.rules;
+        match rules.kind {
+            // A set without values comes now and then.
+            Kind::Amt => 4 * rules.period + 50 * MS,
+            Kind::Zk(_) => 2 * self.h.rounds().1 * rules.period + 200 * MS,
+        }
+    }
+
+    fn acts(&mut self, standby: bool, what: &str, passed: &Spans) {
+        let h = self.h;
+        let rules = &h.rules;
+        let reports = self.two_values();
+        let fall = 1000 * SECOND / u64::from(rules.ramp.min(rules.slew_down.unwrap_or(rules.ramp)).max(1));
+        let acts = reports + if standby { SECOND } else { fall + SECOND };
+        let hidden = self.blind.union(&h.noise).union(&self.down).union(&h.sensor).longer(2 * SECOND);
+        let live = self.live.clone();
+        let mut judged = 0;
+        for (from, to) in passed.at_least(reports).iter() {
             let at = from + acts;
+            let out = live.last_before(from + 1).map_or(0, |(_, out)| out);
             if hidden.touches(from.saturating_sub(SECOND), at + 1)
-                || self.h.pwm.contains(at)
-                || !self.runs.contains(at)
+                || h.pwm.touches(from, at + 1)
+                || at >= out
+                || from < judged
             {
                 continue;
             }
+            let text = format!("{what} is beyond its limit since {} until {}", seconds(from), seconds(to));
+            if !standby {
+                judged = self.stays_at_fail_safe(from, at, out, &text);
+                continue;
+            }
             let (demand, switch) = self.sent_at(at);
-            let high = match demand {
-                Some(Demanded::Throttle(tenths)) => f64::from(tenths) > f64::from(rules.fail_safe) + STEP,
-                Some(Demanded::Rpm(rpm)) => f64::from(rpm) > rules.idle_rpm + 0.006 * rules.max_rpm,
-                None => false,
-            };
-            let wrong = switch == Some(Switch::Run) && (standby || high);
-            if wrong {
+            self.verdict.count("limits that shut down", 1);
+            if switch == Some(Switch::Run) {
                 let demand = demand.map_or("run".into(), |demand| demand.to_string());
-                let text = format!(
-                    "{what} is beyond its limit since {} until {}, and {demand} is on the wire",
-                    seconds(from),
-                    seconds(to)
-                );
-                self.verdict.finding(Rule::Limit, at, text);
-            } else if !standby {
-                self.stays_at_fail_safe(at, what);
+                self.verdict.finding(Rule::Limit, at, format!("{text}, and {demand} is on the wire"));
             }
         }
     }
 
-    /// What a limit lowered stays low until standby is commanded, over resets too.
-    fn stays_at_fail_safe(&mut self, at: u64, what: &str) {
+    /// What a limit that was passed has lowered by an instant stays low until standby is commanded, over resets too. Until when that is.
+    fn stays_at_fail_safe(&mut self, passed: u64, at: u64, out: u64, text: &str) -> u64 {
         let h = self.h;
         let rules = h.rules;
-        let Some((_, out)) = self.runs.last_before(at) else { return };
         let ends =
             |command| matches!(command, PilotCommand::Standby | PilotCommand::ShutDown | PilotCommand::Stop);
-        let ended = h.commanded(at.saturating_sub(5 * SECOND), out).iter().find(|other| ends(other.command));
+        let ended =
+            h.commanded(passed.saturating_sub(2 * SECOND), out).iter().find(|other| ends(other.command));
         let lost = h.resets.iter().find(|reset| reset.up > at && reset.cause != Cause::Watchdog);
-        // Nor does it last longer than the order.
+        // Nor does it last longer than the order, which is given up when no set was answered in that time.
         let long = rules.serial_delay.saturating_sub(500 * MS);
-        let gone = self.blind.iter().find(|(from, to)| *to > at && to - from > long);
+        let unanswered = self.blind.union(&h.garbled);
+        let gone = unanswered.iter().find(|(from, to)| *to > at && to - from > long);
         let until = ended.map_or(out, |ended| ended.at).min(lost.map_or(out, |lost| lost.down));
         let until = until.min(gone.filter(|_| self.is_amt()).map_or(out, |(from, _)| from));
+        if until <= at {
+            return passed;
+        }
         self.verdict.count("limits that hold a demand low", 1);
-        let high = |demanded| match demanded {
-            Demanded::Throttle(tenths) => f64::from(tenths) > f64::from(rules.fail_safe) + STEP,
-            Demanded::Rpm(rpm) => f64::from(rpm) > rules.idle_rpm + 0.006 * rules.max_rpm,
-        };
+        self.verdict.count("seconds for which a limit holds a demand low", (until - at) / SECOND);
+        let high = |demanded| is_above_fail_safe(h, demanded);
         let frame = h.frames_within(at, until).iter().find(|frame| frame.sent.demand().is_some_and(high));
         if let Some(frame) = frame {
-            let text = format!("{what} was beyond its limit, and {} is on the wire", frame.sent);
-            self.verdict.finding(Rule::Limit, frame.at, text);
+            self.verdict.finding(Rule::Limit, frame.at, format!("{text}, and {} is on the wire", frame.sent));
         }
+        until
+    }
+
+    /// When an engine without a flame, reported as running, has lost more of its speed than a limit allows, and no lower demand explains
+    /// it.
+    fn flame_outs(&self) -> Spans {
+        let h = self.h;
+        let reported = |sample: &Sample| sample.phase == Phase::Running && !sample.fault && !sample.hidden;
+        let lost = |sample: &Sample| {
+            let before = h.sample(sample.at.saturating_sub(LOST_WITHIN));
+            before.is_some_and(|before| reported(before) && sample.rpm < LOST * before.rpm)
+        };
+        let lost = h.times(|sample| reported(sample) && !sample.lit && lost(sample));
+        let unexplained = lost.iter().filter(|(from, to)| {
+            // Other settings after a reset have another limit.
+            let reset = h.resets.iter().any(|reset| reset.down < *to);
+            !reset && self.last_lowered(from.saturating_sub(SPOOLS_DOWN), *to).is_none()
+        });
+        Spans::from(&unexplained.collect::<Vec<_>>())
+    }
+
+    /// When the exhaust rises in a start faster than a limit allows.
+    fn hot_starts(&self) -> Spans {
+        let h = self.h;
+        let starts = |sample: &Sample| matches!(sample.phase, Phase::Preheat | Phase::FuelRamp);
+        let rises = |sample: &Sample| {
+            let before = h.sample(sample.at.saturating_sub(RISES_WITHIN));
+            before.is_some_and(|before| starts(before) && sample.egt - before.egt > RISE)
+        };
+        h.times(|sample| starts(sample) && !sample.fault && rises(sample))
     }
 
     /// While another engine has failed, the demand is reduced, where that is configured.
@@ -256,14 +316,32 @@ pub fn may_have_failed(history: &History) -> Spans {
 
 /// When another engine has failed for sure: it ran, nobody commanded it to stop, and it went out.
 pub fn failed_for_sure(other: &crate::history::History) -> Spans {
-    let mut spans = Spans::default();
+    let mut all = Vec::new();
     let command_log = CommandLog::new(other);
     let runs = other.times(|sample| sample.runs());
     // It takes two reports to know that an engine runs, and only one that ran can fail.
     let dark = other.unpowered.longer(other.rules.boot).union(&other.down()).longer(two_states(other));
     let unknown = other.mute.union(&other.noise).union(&dark).union(&other.times(|sample| sample.hidden));
     let known = |from: u64, out: u64| out > from + two_states(other) + SECOND + unknown.within(from, out);
-    for (_, out) in runs.iter().filter(|(from, out)| known(*from, *out)) {
+    let hidden = other.mute.union(&other.noise).union(&other.unpowered);
+    // When it went out, and when that has shown; or when it was not received, or an AMT ECU reported a fault, and until when.
+    let mut events: Vec<(u64, u64, u64)> = Vec::new();
+    for (from, out) in runs.iter().filter(|(from, out)| known(*from, *out)) {
+        if !hidden.touches(out.saturating_sub(SECOND), out + FAILED) {
+            events.push((out, out + FAILED, other.end));
+        }
+        let faults = other.times(|sample| sample.fault);
+        let faults = if other.is_amt() { faults } else { Spans::default() };
+        let clear = |at: u64| {
+            let since = at.saturating_sub(5 * SECOND);
+            from < since && at < out && !other.noise.union(&dark).touches(since, at + FAILED)
+        };
+        let lost = other.mute.iter().filter(|(at, _)| clear(*at));
+        let lost = lost.filter(|(at, _)| !other.deaf.touches(*at, *at + FAILED));
+        let faulty = faults.iter().filter(|(at, _)| clear(*at) && !hidden.touches(*at, at + FAILED));
+        events.extend(lost.chain(faulty).map(|(at, until)| (at, at + FAILED, until.min(out))));
+    }
+    for (out, from, until) in events {
         // Standby below somebody who commands otherwise changes nothing. A speed may be refused, and who was lost has to command for a
         // while first: then nobody commands otherwise.
         let commands_for_long = |source, at: u64| {
@@ -287,8 +365,11 @@ pub fn failed_for_sure(other: &crate::history::History) -> Spans {
         };
         let commanded = other.commanded(out.saturating_sub(10 * SECOND), other.end);
         let ends = commanded.iter().find(stops).map_or(other.end, |commanded| commanded.at);
-        let reset = other.resets.iter().find(|reset| reset.up > out.saturating_sub(5 * SECOND));
-        let ends = ends.min(reset.map_or(u64::MAX, |reset| reset.down));
+        // What has shown is retained over resets, where the memory is whole.
+        let reset = other.resets.iter().find(|reset| {
+            reset.up > out.saturating_sub(5 * SECOND) && (reset.cause != Cause::Watchdog || reset.down < from)
+        });
+        let ends = ends.min(reset.map_or(u64::MAX, |reset| reset.down)).min(until);
         let again = other.marks.iter().find(|(at, _)| *at > out).map_or(u64::MAX, |(at, _)| *at);
         let silent = other.commanded(0, out).iter().rev().find(|commanded| commanded.command.is_received());
         let ran = silent.is_some_and(|commanded| {
@@ -298,14 +379,12 @@ pub fn failed_for_sure(other: &crate::history::History) -> Spans {
         let frames = &other.frames[..other.frames.partition_point(|frame| frame.at < out)];
         let sent = frames.iter().rev().find_map(|frame| frame.sent.switch().map(|switch| (frame.at, switch)));
         let ran = ran && sent.is_some_and(|(at, sent)| sent == Switch::Run && out < at + SECOND);
-        let from = out + 8 * SECOND;
         // Nor do they shut it down before a failure has shown.
         let mut silences = silences(other, SECOND).into_iter();
         let ran = ran && !silences.any(|(silent, until)| silent < from && until > out);
-        let hidden = other.mute.union(&other.noise).union(&other.unpowered);
-        if ran && from < ends.min(again) && !hidden.touches(out.saturating_sub(SECOND), from) {
-            spans.push(from, ends.min(again));
+        if ran && from < ends.min(again) {
+            all.push((from, ends.min(again)));
         }
     }
-    spans
+    Spans::from(&all)
 }

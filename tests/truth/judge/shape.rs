@@ -1,8 +1,9 @@
 //! What the demand may be while a start is under way, how fast it may fall, and how long orders of that kind last.
 
 use super::case::{Case, Rule, seconds};
-use crate::history::{Cause, Demanded, MS, Mark, PilotCommand, Reset, SECOND, Sent, Switch};
+use crate::history::{Cause, Demanded, MS, Mark, PilotCommand, Reset, SECOND, Sample, Sent, Switch};
 use sim::turbine::Phase;
+use std::collections::BTreeSet;
 
 /// Resolution of the wire, 0.1 %.
 const STEP: f64 = 8.0;
@@ -51,15 +52,24 @@ impl Case<'_> {
         let h = self.h;
         let Some(rate) = h.rules.slew_down.filter(|_| !h.rules.governor) else { return };
         let hidden = self.blind.union(&h.noise).union(&self.down).union(&h.deaf);
-        let mut before: Option<(u64, u32)> = None;
+        let falls_in = |time: u64| f64::from(rate) * time as f64 / SECOND as f64;
+        // What a frame reports was reckoned up to a slot before it began: once, however long the demand falls.
+        let slack = falls_in(h.rules.period + 20 * MS) + STEP;
+        // How far the demand may have fallen by now from the highest one that was on the wire.
+        let mut before: Option<(u64, f64)> = None;
+        let mut falling = 0;
         for frame in &h.frames {
             let (at, Sent::Full(Switch::Run, tenths)) = (frame.at, frame.sent) else {
                 before = before.filter(|_| frame.sent.switch().is_none_or(|switch| switch == Switch::Run));
                 continue;
             };
-            let Some((when, high)) = before.replace((at, tenths)) else { continue };
-            let falls = f64::from(rate) * (at - when + h.rules.period + 20 * MS) as f64 / SECOND as f64;
-            if f64::from(tenths) + falls + STEP >= f64::from(high) || at - when > 3 * h.rules.period {
+            let share = f64::from(tenths);
+            let near = before.filter(|(when, _)| at - when <= 3 * h.rules.period);
+            let least = near.map_or(share, |(when, least)| least - falls_in(at - when));
+            let fast = share + slack < least;
+            falling += u64::from(near.is_some_and(|(_, before)| share < before));
+            before = Some((at, if fast { share } else { least.max(share) }));
+            if !fast {
                 continue;
             }
             let since = at.saturating_sub(6 * SECOND);
@@ -79,11 +89,12 @@ impl Case<'_> {
                 && !self.reduced(at)
                 && !hidden.touches(since, at)
             {
-                let [high, low] = [high, tenths].map(Demanded::Throttle);
-                let text = format!("the demand falls from {high} to {low} in {} ms", (at - when) / MS);
+                let [low, least] = [tenths, least as u32].map(Demanded::Throttle);
+                let text = format!("the demand falls to {low}, and is to be {least} at least");
                 self.verdict.finding(Rule::Rate, at, text);
             }
         }
+        self.verdict.count("frames that fall at slew.down", falling);
     }
 
     /// A governor gives no more than it may.
@@ -140,11 +151,17 @@ impl Case<'_> {
         }
     }
 
-    /// A start that does not reach running ends after its time (AMT, whose ECU gives none of its own).
+    /// A start that does not reach running ends after its time. A ZK ECU gives a time of its own, that of its last start, which counts
+    /// twice; and its own restart (13) has the time of a start, too.
     pub(super) fn start_ends(&mut self) {
         let h = self.h;
-        let (mut began, mut last) = (None, None);
-        for frame in h.frames.iter().filter(|_| self.h.is_amt()) {
+        let runs = |sample: &Sample| matches!(sample.phase, Phase::Running | Phase::LearningIdle);
+        let hidden = self.down.union(&self.blind).union(&h.noise).union(&h.pwm);
+        let (mut began, mut last, mut longest, mut sample) = (None::<u64>, None, 0, 0);
+        // When it last ran, and since when it starts.
+        let (mut ran, mut lit) = (0, None);
+        let mut ends = BTreeSet::new();
+        for frame in &h.frames {
             let Some(switch) = frame.sent.switch() else { continue };
             let before = last.replace(switch);
             if switch == Switch::Run && matches!(before, Some(Switch::Standby | Switch::Stop)) {
@@ -154,17 +171,39 @@ impl Case<'_> {
                 began = None;
                 continue;
             };
-            let late = frame.at > from + h.rules.start_timeout + 2 * SECOND;
-            let reached = |at: u64| {
-                let mut samples = h.samples(from, at).iter();
-                samples.any(|sample| matches!(sample.phase, Phase::Running | Phase::LearningIdle))
+            while let Some(next) = h.samples.get(sample).filter(|sample| sample.at <= frame.at) {
+                sample += 1;
+                if runs(next) {
+                    longest = longest.max(lit.take().map_or(0, |lit| next.at - lit));
+                    ran = next.at;
+                } else if next.phase.is_starting() {
+                    lit = lit.or(Some(next.at));
+                } else {
+                    lit = None;
+                }
+            }
+            // In flight only its own restart begins again.
+            let relit = |at: u64| {
+                h.marks.iter().any(|(when, mark)| *mark == Mark::Relight && (ran..at).contains(when))
             };
-            if late && !reached(frame.at) && !self.down.touches(from, frame.at) {
+            let since = from.max(ran);
+            if self.is_amt() && ran >= from || !self.is_amt() && ran >= from && !relit(frame.at) {
+                continue;
+            }
+            // Twice its own, between 5 s and 600 s.
+            let own = if self.is_amt() || longest == 0 { 0 } else { 2 * longest + 2 * SECOND };
+            let most = h.rules.start_timeout.max(own).max(if own > 0 { 5 * SECOND } else { 0 });
+            let late = since + most + 2 * SECOND;
+            let hidden = if self.is_amt() { &self.down } else { &hidden };
+            if frame.at > late && !hidden.touches(since, frame.at) {
                 let text =
-                    format!("run, and the start at {} has not come to a running engine", seconds(from));
+                    format!("run, and the start at {} has not come to a running engine", seconds(since));
                 self.verdict.finding(Rule::RunAtRest, frame.at, text);
                 began = None;
+            } else if frame.at + 5 * SECOND > late {
+                ends.insert(since);
             }
         }
+        self.verdict.count("starts that came near their time", ends.len() as u64);
     }
 }

@@ -11,15 +11,20 @@ const SPIN_DOWN: u64 = 7 * SECOND;
 const RUN_OUT: u64 = 10 * SECOND;
 /// Longest time in which a node that was reset finds out what its engine does, beside `listen`.
 const FINDS_OUT: u64 = 1500 * MS;
+/// Resolution of the wire, 0.1 %.
+const STEP: f64 = 8.0;
 
 impl Case<'_> {
     pub(super) fn silence(&mut self) {
         let h = self.h;
         let rules = &h.rules;
         let stages = to_fail_safe(h) + 300 * MS;
+        // A demand is lost long before the stages are over.
+        for (from, to) in silences(h, rules.ages.into_iter().min().unwrap_or_default()) {
+            self.no_rise_in_silence(from, to);
+        }
         for (from, to) in silences(h, stages) {
             self.no_start_in_silence(from, to);
-            self.no_rise_in_silence(from, to);
             self.standby_in_doubt(from, to);
             let wire = self.fail_safe_by(from, to, stages);
             // In doubt a demand does not reach the engine (ZK): standby does, when the stages have run out.
@@ -125,17 +130,20 @@ impl Case<'_> {
         }
         let spared = rules.when_other_fails.is_some()
             && h.other_failed.touches(from_us.saturating_sub(8 * SECOND), until);
-        let mut before = None;
+        let kind = |demanded: Demanded| core::mem::discriminant(&demanded);
+        // The lowest since it was lost.
+        let mut lowest: Option<(Demanded, f64)> = None;
         for frame in h.frames_within(lost, until) {
             let Some(demanded) = frame.sent.demand() else { continue };
-            let share = self.share(demanded);
-            let rises = before.replace((demanded, share)).is_some_and(|(last, low)| {
-                core::mem::discriminant(&last) == core::mem::discriminant(&demanded) && share > low + 8.0
-            });
             if spared || hidden.touches(since, frame.at) {
                 return;
             }
-            if rises {
+            let share = self.share(demanded);
+            let low = lowest.filter(|(last, _)| kind(*last) == kind(demanded)).map_or(share, |(_, low)| low);
+            if lowest.replace((demanded, low.min(share))).is_none() {
+                self.verdict.count("lost demands that may not rise", 1);
+            }
+            if share > low + STEP {
                 let text =
                     format!("the demand rises to {demanded}, all sources silent since {}", seconds(from_us));
                 return self.verdict.finding(Rule::SilentWire, frame.at, text);

@@ -27,7 +27,7 @@ pub(super) struct Start {
 
 impl Case<'_> {
     /// Every pair of commands for a start.
-    fn pairs(&self) -> Vec<Start> {
+    pub(super) fn pairs(&self) -> Vec<Start> {
         let mut starts: Vec<Start> = Vec::new();
         let (mut ready, mut last) = ([false; 4], [None; 4]);
         let recovered = self.h.rules.recover_after + self.h.rules.takeover;
@@ -527,7 +527,7 @@ impl Case<'_> {
     }
 
     /// The last frame in this time with a lower demand than the one before it.
-    fn last_lowered(&self, from_us: u64, to_us: u64) -> Option<u64> {
+    pub(super) fn last_lowered(&self, from_us: u64, to_us: u64) -> Option<u64> {
         let demand = |frame: &Frame| frame.sent.demand().map_or(0.0, |demanded| self.share(demanded));
         let mut pairs = self.h.frames_within(from_us, to_us).windows(2).rev();
         pairs.find(|pair| demand(&pair[1]) + 5.0 < demand(&pair[0])).map(|pair| pair[1].at)
@@ -535,6 +535,10 @@ impl Case<'_> {
 
     pub(super) fn hand_over(&mut self) {
         let h = self.h;
+        let pwm = |switch| switch == Some(Switch::Pwm);
+        let begin =
+            h.frames.windows(2).filter(|pair| pwm(pair[1].sent.switch()) && !pwm(pair[0].sent.switch()));
+        self.verdict.count("hand-overs to the PWM input", begin.count() as u64);
         let lives = self.starts_of_life();
         let mut reported = 0;
         for frame in h.frames.iter().filter(|frame| frame.sent.switch() == Some(Switch::Pwm)) {

@@ -352,6 +352,48 @@ fn a_demand_is_not_held_below_the_commanded_one() {
     stalls(50 * SECOND, 51_900 * MS).with(silent).breaks(&[Rule::HeldDown]);
 }
 
+/// A source that has been in control for long, without a loss, has nothing to wait for when it moves its stick.
+#[test]
+fn a_stick_that_moves_in_flight_is_followed_at_the_rate() {
+    let moved = |low: f64, long: bool| {
+        flight(ZK5, 60.0)
+            .streams(PILOT, 60.0, 75.0, PilotCommand::Run(Demanded::Throttle(800)))
+            .wire(60.0, 60.0 + low, HALF)
+            .ramp(60.0 + low, 500, 800)
+            .wire(60.7 + low, 75.0, Sent::Full(Switch::Run, 800))
+            .turbine(60.0, 75.0, Phase::Running, 100_000.0, 500.0)
+            .with(|h| {
+                if !long {
+                    h.commanded.retain(|c| !(55 * SECOND..58 * SECOND).contains(&c.at));
+                    h.rules.hold = 8 * SECOND;
+                    h.rules.return_within = 0;
+                }
+            })
+    };
+    moved(0.1, true).passes();
+    moved(4.5, true).breaks(&[Rule::HeldDown]);
+    moved(4.5, false).breaks_beside(&[Rule::SilentWire, Rule::HeldDown], &[]);
+}
+
+/// What a limit, or noise in its place, holds low it has held low since. A burst of noise before a flight does not excuse the flight.
+#[test]
+fn noise_before_a_flight_explains_no_demand_that_is_held_low_later() {
+    let story = |noise: u64, low: f64| {
+        flight(ZK5, low)
+            .streams(PILOT, low, 75.0, PilotCommand::Run(Demanded::Throttle(500)))
+            .ramp(low, 500, 0)
+            .wire(low + 1.1, 75.0, IDLE)
+            .turbine(low, 75.0, Phase::Running, 60_000.0, 500.0)
+            .with(move |h| {
+                h.rules.limit_egt = Some((700.0, false));
+                h.noise = Spans::from(&[(noise * SECOND, noise * SECOND + 300 * MS)]);
+            })
+    };
+    story(49, 50.0).passes();
+    story(2, 50.0).breaks(&[Rule::HeldDown]);
+    story(40, 50.0).breaks(&[Rule::HeldDown]);
+}
+
 /// A flame-out passes a limit of how values change. The ECU lights it again in the same life, and the limit holds until standby.
 #[test]
 fn a_limit_holds_the_demand_of_an_engine_that_was_lit_again() {

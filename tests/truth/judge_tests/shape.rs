@@ -323,3 +323,113 @@ fn what_a_limit_lowered_stays_low_over_a_reset() {
     story(IDLE).passes();
     story(HALF).breaks_beside(&[Rule::Rate], &[Rule::Limit]);
 }
+
+/// A right engine does not stay beyond its limit: it is passed for as long as two values take, and the demand goes down with it.
+#[test]
+fn what_a_limit_lowered_stays_low_when_the_value_is_within_it_again() {
+    let story = |passed: f64, rises: f64| {
+        let story = runs(flight(ZK5, 40.0), 60.0)
+            .streams(PILOT, 40.0, 60.0, run(500))
+            .turbine(41.0, 41.0 + passed, Phase::Running, 100_000.0, 640.0)
+            .wire(40.0, 41.5, HALF)
+            .ramp(41.5, 500, 0)
+            .wire(42.6, rises, IDLE)
+            .with(|h| h.rules.limit_egt = Some((620.0, false)));
+        if rises < 60.0 { story.ramp(rises, 0, 500).wire(rises + 1.1, 60.0, HALF) } else { story }
+    };
+    story(1.2, 60.0).passes();
+    story(1.2, 50.0).breaks(&[Rule::Limit]);
+    // One value is none.
+    story(0.3, 50.0).passes();
+    // A source's standby ends it.
+    story(1.2, 50.0).once(2, 49.0, PilotCommand::Standby).passes();
+    // An order that is given up takes it along: with damaged sets only, too.
+    let amt = |h: &mut History| {
+        h.rules.kind = AMT;
+        h.garbled = Spans::from(&[(46 * SECOND, 49 * SECOND)]);
+    };
+    story(1.2, 50.0).with(amt).passes();
+    story(1.2, 50.0).with(amt).with(|h| h.garbled = Spans::default()).breaks(&[Rule::Limit]);
+}
+
+#[test]
+fn a_flame_that_goes_out_and_a_hot_start_have_the_action_of_their_limit() {
+    let flame_out = |standby: f64, limit| {
+        runs(flight(ZK5, 40.0), 41.0)
+            .streams(PILOT, 40.0, 46.0, run(500))
+            .wire(40.0, standby, HALF)
+            .wire(standby, 46.0, STANDBY)
+            .turbine(41.0, 43.0, Phase::Running, 60_000.0, 400.0)
+            .turbine(43.0, 46.0, Phase::Running, 38_000.0, 300.0)
+            .with(move |h| {
+                h.rules.limit_flame = limit;
+                h.samples.iter_mut().filter(|s| s.at >= 41 * SECOND).for_each(|s| s.lit = false);
+            })
+    };
+    let beside = [Rule::RunAtRest, Rule::ShutDown, Rule::Obeyed];
+    flame_out(42.9, Some(true)).breaks_beside(&beside, &[]);
+    flame_out(45.5, Some(true)).breaks_beside(&beside, &[Rule::Limit]);
+    flame_out(45.5, None).breaks_beside(&beside, &[]);
+    let hot = |standby: f64, limit| {
+        ready(AMT)
+            .streams(PILOT, 4.0, 12.0, run(0))
+            .wire(4.0, standby, IDLE)
+            .wire(standby, 12.0, STANDBY)
+            .mark(5.0, Mark::Ignition)
+            .turbine(5.0, 12.0, Phase::FuelRamp, 20_000.0, 100.0)
+            .with(move |h| {
+                h.rules.limit_hot = limit;
+                for sample in h.samples.iter_mut().filter(|s| s.at >= 8 * SECOND) {
+                    sample.egt = 100.0 + 270.0 * ((sample.at - 8 * SECOND) as f64 / SECOND as f64).min(2.5);
+                }
+            })
+    };
+    hot(9.5, Some(true)).breaks_beside(&beside, &[]);
+    hot(11.5, Some(true)).breaks_beside(&beside, &[Rule::Limit]);
+    hot(11.5, None).breaks_beside(&beside, &[]);
+}
+
+#[test]
+fn a_demand_moves_at_its_rate_in_all_and_not_from_frame_to_frame() {
+    // Frames of a fifth of the time that one may have been reckoned before it began.
+    let rises = |rate: u32| {
+        let mut story = runs(started(ZK5), 50.0)
+            .turbine(RUNS as f64, 40.0, Phase::Running, 100_000.0, 500.0)
+            .streams(PILOT, 20.0, 50.0, run(800))
+            .with(|h| {
+                h.rules.period = 10 * MS;
+                h.commanded.retain(|commanded| commanded.at < 20 * SECOND || commanded.command != run(0));
+            });
+        for step in 0..1900_u32 {
+            let at = 31.0 + f64::from(step) / 100.0;
+            story = story.wire(at, at + 0.005, sent((rate * step / 100).min(800)));
+        }
+        story
+    };
+    rises(500).passes();
+    rises(1000).breaks(&[Rule::Rate]);
+    let falls = |rate: u32| {
+        let mut story = runs(flight(ZK5, 40.0), 50.0)
+            .streams(PILOT, 40.0, 50.0, run(0))
+            .with(|h| (h.rules.slew_down, h.rules.period) = (Some(200), 10 * MS));
+        for step in 0..1000_u32 {
+            let at = 40.0 + f64::from(step) / 100.0;
+            story = story.wire(at, at + 0.005, sent(500_u32.saturating_sub(rate * step / 100)));
+        }
+        story
+    };
+    falls(200).passes();
+    assert!(falls(400).judged().rules().contains(&Rule::Rate));
+    // A lost demand that creeps up.
+    let creeps = |per_second: u32| {
+        let mut story = runs(flight(ZK5, 40.0), 41.9).with(|h| h.rules.hold = 8 * SECOND);
+        for step in 0..90_u32 {
+            let at = 40.0 + f64::from(step) / 50.0;
+            story = story.wire(at, at + 0.005, sent(500 + per_second * step / 50));
+        }
+        story
+    };
+    creeps(0).passes();
+    // In a silence that is shorter than the stages of loss, too.
+    creeps(40).breaks(&[Rule::SilentWire]);
+}

@@ -582,3 +582,88 @@ fn the_pwm_input_is_given_the_engine_on_a_pilots_command() {
     let dip = |h: &mut History| h.unpowered = Spans::from(&[(6 * SECOND, 7 * SECOND)]);
     story().once(PILOT, 4.0, PilotCommand::Pwm).with(dip).breaks(&[Rule::Pwm]);
 }
+
+/// An engine that burns again on the order of before is sent run no more, although it burns.
+#[test]
+fn an_engine_that_burns_again_is_not_sent_run() {
+    let beside =
+        [Rule::Ignition, Rule::RunAtRest, Rule::Doubt, Rule::GivenUp, Rule::HeldDown, Rule::ShutDown];
+    let run = |tenths| PilotCommand::Run(Demanded::Throttle(tenths));
+    // Its ECU lost its power for less than a gap, and starts it again from the beginning.
+    let again = |ends: f64| {
+        flight(ZK5, 40.0)
+            .streams(PILOT, 40.0, 50.0, run(500))
+            .turbine(40.0, 50.0, Phase::Ignition, 6000.0, 300.0)
+            .mark(40.1, Mark::Ignition)
+            .wire(40.0, ends, HALF)
+            .wire(ends, 50.0, STANDBY)
+    };
+    again(41.7).breaks_beside(&beside, &[]);
+    again(44.0).breaks_beside(&beside, &[Rule::SecondLife]);
+    // Not behind a start of its own.
+    let start = |h: &mut History| {
+        let own = [(39_900 * MS, PilotCommand::Standby), (39_950 * MS, run(0))];
+        h.commanded.extend(own.map(|(at, command)| Commanded { at, source: PILOT, command }));
+    };
+    again(44.0).with(start).breaks_beside(&beside, &[]);
+    // Nor is a restart by the ECU without a gap another life.
+    let relit = |h: &mut History| {
+        h.marks.iter_mut().filter(|(at, _)| *at > 40 * SECOND).for_each(|(_, m)| *m = Mark::Relight)
+    };
+    again(44.0).with(relit).breaks_beside(&beside, &[]);
+    // Behind a gap it is.
+    let cut = |h: &mut History| h.mute = Spans::from(&[(40 * SECOND, 41 * SECOND)]);
+    again(44.0).with(relit).with(cut).breaks_beside(&beside, &[Rule::SecondLife]);
+    again(42.0).with(relit).with(cut).breaks_beside(&beside, &[]);
+    // In a start: a gap, a reset, two error sets.
+    let start = |kind, ends: f64| {
+        ready(kind)
+            .streams(PILOT, 4.0, 20.0, run(0))
+            .wire(4.0, ends, IDLE)
+            .wire(ends, 20.0, STANDBY)
+            .mark(5.0, Mark::Ignition)
+            .turbine(5.0, 20.0, Phase::FuelRamp, 8000.0, 300.0)
+    };
+    let cut = |h: &mut History| h.mute = Spans::from(&[(10 * SECOND, 11 * SECOND)]);
+    for kind in [AMT, ZK5] {
+        start(kind, 12.0).with(cut).breaks_beside(&beside, &[]);
+        start(kind, 15.0).with(cut).breaks_beside(&beside, &[Rule::SecondLife]);
+        start(kind, 15.0).breaks_beside(&beside, &[]);
+    }
+    let reset = |h: &mut History| {
+        h.resets.push(Reset { down: 10_900 * MS, up: 11 * SECOND, cause: Cause::Watchdog });
+    };
+    start(ZK5, 12.2).with(reset).breaks_beside(&beside, &[]);
+    start(ZK5, 15.0).with(reset).breaks_beside(&beside, &[Rule::SecondLife]);
+    let faults = |h: &mut History| {
+        h.samples
+            .iter_mut()
+            .filter(|s| s.at >= 10 * SECOND && s.at < 12 * SECOND)
+            .for_each(|s| s.fault = true);
+    };
+    start(AMT, 10.6).with(faults).breaks_beside(&beside, &[]);
+    start(AMT, 12.0).with(faults).breaks_beside(&beside, &[Rule::SecondLife]);
+    start(ZK5, 12.0).with(faults).breaks_beside(&beside, &[]);
+}
+
+#[test]
+fn a_start_of_a_zk_engine_ends_after_its_time() {
+    let run = PilotCommand::Run(Demanded::Throttle(0));
+    let story = |time: u64| {
+        started(ZK5)
+            .turbine(RUNS as f64, 32.0, Phase::Running, 60_000.0, 500.0)
+            .with(move |h| h.rules.start_timeout = time * SECOND)
+    };
+    let late = |story: Story| story.judged().rules().contains(&Rule::RunAtRest);
+    assert!(!late(story(30)) && late(story(10)));
+    // A restart by the ECU in flight has the same time; a flight has none.
+    let relit = |time: u64, relight: bool| {
+        let story = flight(ZK5, 40.0)
+            .streams(PILOT, 40.0, 120.0, run)
+            .wire(40.0, 120.0, IDLE)
+            .turbine(40.0, 120.0, Phase::FuelRamp, 40_000.0, 400.0)
+            .with(move |h| h.rules.start_timeout = time * SECOND);
+        if relight { story.mark(40.0, Mark::Relight) } else { story }
+    };
+    assert!(late(relit(60, true)) && !late(relit(60, false)) && !late(relit(100, true)));
+}

@@ -1,0 +1,142 @@
+//! Histories by hand for the judge's rules: what has to be on the wire at once.
+
+use super::*;
+
+fn run(tenths: u32) -> PilotCommand {
+    PilotCommand::Run(Demanded::Throttle(tenths))
+}
+
+fn sent(tenths: u32) -> Sent {
+    Sent::Full(Switch::Run, tenths)
+}
+
+fn found(story: Story, rule: Rule) -> bool {
+    story.judged().rules().contains(&rule)
+}
+
+#[test]
+fn ctf_is_on_the_wire_at_once() {
+    let story = |last: Sent| {
+        flight(AMT, 45.0)
+            .with(|h| h.frames.retain(|frame| frame.at < 42 * SECOND))
+            .once(PILOT, 42.0, PilotCommand::Ctf)
+            .wire(42.0, 45.0, last)
+    };
+    story(Sent::Ctf).passes();
+    story(HALF).breaks(&[Rule::Obeyed]);
+    // Behind another source, or in noise, it need not be.
+    story(HALF).with(|h| h.noise = Spans::from(&[(41 * SECOND, 42_100 * MS)])).passes();
+    assert!(!found(story(HALF).streams(0, 38.0, 45.0, run(500)), Rule::Obeyed));
+}
+
+#[test]
+fn a_reply_ends_within_30_ms_of_its_set() {
+    let story = |after: u64| {
+        flight(AMT, 40.0).with(|h| {
+            h.rules.frame = 20_800;
+            h.sets = h.frames.iter().map(|frame| frame.at - after).collect();
+        })
+    };
+    story(9 * MS).passes();
+    story(10 * MS).breaks(&[Rule::Frame]);
+    story(10 * MS).with(|h| h.noise = Spans::from(&[(0, 40 * SECOND)])).passes();
+}
+
+#[test]
+fn a_demand_does_not_rise_before_a_set_has_confirmed_the_engine() {
+    let story = |tenths: u32, shows: u64| {
+        flight(AMT, 40.0)
+            .streams(PILOT, 40.0, 50.0, run(800))
+            .turbine(40.0, 50.0, Phase::Running, 100_000.0, 500.0)
+            .wire(41.0, 43.0, sent(tenths))
+            .with(move |h| {
+                h.mute = Spans::from(&[(40 * SECOND, 41 * SECOND)]);
+                let hidden = h.samples.iter_mut().filter(|s| s.at >= 40 * SECOND && s.at < shows * SECOND);
+                hidden.for_each(|sample| sample.hidden = true);
+            })
+    };
+    let rate = |story: Story| found(story, Rule::Rate);
+    assert!(!rate(story(500, 43)) && rate(story(520, 43)));
+    // The first reply is that of before; with a second set that confirms it rises.
+    let confirmed = |h: &mut History| h.frames.retain(|f| !(41 * SECOND..41_200 * MS).contains(&f.at));
+    assert!(rate(story(520, 40)) && !rate(story(520, 40).with(confirmed)));
+}
+
+#[test]
+fn damaged_frames_that_keep_the_beat_are_no_gap_in_flight() {
+    let story = |last: Sent, framing: bool| {
+        flight(ZK5, 40.0)
+            .streams(PILOT, 40.0, 50.0, run(500))
+            .turbine(40.0, 50.0, Phase::Running, 100_000.0, 500.0)
+            .wire(40.0, 44.0, HALF)
+            .wire(44.0, 44.5, last)
+            .wire(44.5, 50.0, HALF)
+            .with(move |h| {
+                h.noise = Spans::from(&[(42 * SECOND, 48 * SECOND)]);
+                h.framing = if framing { h.noise.clone() } else { Spans::default() };
+            })
+    };
+    story(HALF, true).passes();
+    story(Sent::Nothing, true).breaks(&[Rule::HeldDown]);
+    story(Sent::Nothing, false).passes();
+}
+
+#[test]
+fn a_governor_gives_idle_without_speeds_and_no_more_to_a_shaft_that_falls() {
+    let rpm = PilotCommand::Run(Demanded::Rpm(100_000));
+    let governed = |last: Sent| {
+        started(AMT)
+            .streams(PILOT, 31.0, 60.0, rpm)
+            .turbine(RUNS as f64, 60.0, Phase::Running, 100_000.0, 500.0)
+            .ramp(31.0, 0, 400)
+            .wire(33.0, 50.0, sent(400))
+            .wire(50.0, 60.0, last)
+            .with(|h| h.rules.governor = true)
+    };
+    let faults = |h: &mut History| {
+        h.samples.iter_mut().filter(|s| s.at >= 49 * SECOND).for_each(|s| s.fault = true);
+    };
+    governed(IDLE).with(faults).passes();
+    governed(sent(400)).passes();
+    governed(sent(400)).with(faults).breaks(&[Rule::HeldUp]);
+    let falls = |h: &mut History| {
+        for sample in h.samples.iter_mut().filter(|sample| sample.at >= 48 * SECOND) {
+            sample.lit = false;
+            sample.rpm = 100_000.0 - 8000.0 * (sample.at - 48 * SECOND) as f64 / SECOND as f64;
+        }
+    };
+    let high = |story: Story| found(story, Rule::HeldUp);
+    assert!(!high(governed(sent(400)).with(falls)) && high(governed(sent(450)).with(falls)));
+    assert!(!high(governed(sent(450))));
+}
+
+#[test]
+fn a_source_that_is_close_takes_over_without_a_wait() {
+    let story = |wanted: u32, taken: f64| {
+        flight(ZK5, 50.0)
+            .streams(PILOT, 50.0, 60.0, run(500))
+            .streams(0, 50.0, 60.0, run(wanted))
+            .wire(50.0, taken, HALF)
+            .wire(taken, 60.0, sent(wanted))
+            .turbine(50.0, 60.0, Phase::Running, 100_000.0, 500.0)
+            .with(|h| h.rules.takeover = 5 * SECOND)
+    };
+    let late = |story: Story| found(story, Rule::TakeOver);
+    assert!(!late(story(530, 51.1)) && late(story(530, 52.5)));
+    // Another one has to wait.
+    assert!(!late(story(580, 55.0)));
+}
+
+#[test]
+fn two_engines_start_one_after_the_other() {
+    let story = |other: u64, gap: u64| {
+        flight(ZK5, 40.0).with(move |h| {
+            h.rules.start_gap = gap * SECOND;
+            h.other_starts = vec![other * MS];
+        })
+    };
+    story(1000, 3).passes();
+    story(1000, 10).breaks(&[Rule::Ignition]);
+    // One that begins later waits for this one.
+    story(5000, 10).passes();
+}
