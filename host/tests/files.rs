@@ -338,10 +338,15 @@ fn rows_to_the_standard_output_follow_what_is_there() {
     for path in ["/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"] {
         fs::write(&all, "precious\n").unwrap();
         let append = fs::OpenOptions::new().append(true).open(&all).unwrap();
-        let output = command(&["--fast", "--standby", "--csv", path]).stdout(append).output().expect("it runs");
+        let output =
+            command(&["--fast", "--standby", "--csv", path]).stdout(append).output().expect("it runs");
         assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
         let written = fs::read_to_string(&all).unwrap();
-        assert!(written.starts_with("precious\nt_s,engine,"), "{path}: {}", &written[..80.min(written.len())]);
+        assert!(
+            written.starts_with("precious\nt_s,engine,"),
+            "{path}: {}",
+            &written[..80.min(written.len())]
+        );
         assert!(written.lines().count() > 400 && written.ends_with('\n'));
     }
     // So do those to the standard error, with the text of the run before them.

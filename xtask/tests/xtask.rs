@@ -137,7 +137,10 @@ fn before_a_first_build_it_prints_what_that_takes() {
     let text = printed(&computer, &["fw", "board-pixracer"]);
     assert!(text.contains("took 61 s on two idle cores, and 744 MB in /somewhere/target"), "{text}");
     let page = include_str!("../../README.md").replace('\n', " ");
-    assert!(page.contains("took 61 s on two idle cores with its downloads, and 744 MB in `target`"), "{page}");
+    assert!(
+        page.contains("took 61 s on two idle cores with its downloads, and 744 MB in `target`"),
+        "{page}"
+    );
     assert_eq!(text.lines().count(), 1, "{text}");
     // This one starts `cargo fw`.
     assert_eq!(printed(&computer, &["image", "pixracer"]), "");

@@ -281,11 +281,8 @@ fn a_dumb_terminal_and_plain_get_lines() {
 /// Serial consoles, `ssh -tt` and `expect` report no size.
 #[test]
 fn a_terminal_without_a_size_gets_80_columns() {
-    let mut plain = Terminal::start_sized(
-        "xterm",
-        jetlink(&["--plain", "--standby", "--duration", "2s"]),
-        size(0, 0),
-    );
+    let mut plain =
+        Terminal::start_sized("xterm", jetlink(&["--plain", "--standby", "--duration", "2s"]), size(0, 0));
     let status = ended(&mut plain.child);
     wait_until("the summary", || plain.output().contains("\nSummary after "));
     let text = plain.output().replace('\r', "");

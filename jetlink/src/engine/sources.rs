@@ -305,11 +305,6 @@ impl Sources {
         }
     }
 
-    /// Whether any source was received since the node started.
-    pub fn any_received(&self) -> bool {
-        self.each().any(|source| source.received)
-    }
-
     /// Whether a source has commanded standby or a run since the node started.
     pub fn has_commanded(&self, origin: Origin) -> bool {
         self.last_commanded(origin).is_some()

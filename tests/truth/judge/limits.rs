@@ -104,7 +104,7 @@ impl Case<'_> {
         }
     }
 
-    /// What a limit that was passed has lowered by an instant stays low until standby is commanded, over resets too. Until when that is.
+    /// What an exceeded limit has lowered by an instant stays low until standby is commanded, over resets too. Until when that is.
     fn stays_at_fail_safe(&mut self, passed: u64, at: u64, out: u64, text: &str) -> u64 {
         let h = self.h;
         let rules = h.rules;
