@@ -24,6 +24,10 @@ pub struct Condition {
     pub text: String,
 }
 
+/// Conditions that rest on what the ECU reports.
+const REPORTED: [&str; 4] = ["faults", "state", "EGT", "supply"];
+const NOT_RECEIVED: &str = "not known: nothing is received from the ECU";
+
 /// Every condition of a start, in the order in which a refusal names the first that is not met.
 pub fn of_start(detail: &Detail) -> Vec<Condition> {
     let Some(refusals) = &detail.start_refusals else {
@@ -33,21 +37,32 @@ pub fn of_start(detail: &Detail) -> Vec<Condition> {
     let (telemetry, rules) = (&detail.telemetry, &detail.config.supervision.start);
     let report = &telemetry.report;
     let mut all = Vec::new();
-    // A condition that is met; without a text it is shown only where it is not.
+    // What is shown of a condition that no refusal names; without a text, nothing.
     let mut add = |what, met: Option<String>, limit: String, of_it: fn(&Rejected) -> bool| {
         let refusal = refusals.iter().find(|why| of_it(why));
-        if let Some(text) = refusal.map(|why| format!("{why}{limit}")).or_else(|| met.clone()) {
-            all.push(Condition { met: refusal.is_none(), what, text });
+        // What the ECU reported before its wire went dead is no condition that is met now.
+        let unknown = REPORTED.contains(&what) && telemetry.link != LinkState::Up;
+        if let Some(why) = refusal {
+            all.push(Condition { met: false, what, text: format!("{why}{limit}") });
+        } else if let Some(text) = met {
+            let text = if unknown { NOT_RECEIVED.to_owned() } else { text };
+            all.push(Condition { met: !unknown, what, text });
         }
     };
     let none = String::new;
 
-    add("emergency stop", None, none(), |why| *why == Rejected::StopLatched);
-    add("node", None, none(), |why| matches!(why, Rejected::Listening | Rejected::NoLink));
+    add("emergency stop", Some("none is latched".to_owned()), none(), |why| *why == Rejected::StopLatched);
+    add("node", Some("it is up and obeys".to_owned()), none(), |why| {
+        matches!(why, Rejected::Listening | Rejected::NoLink)
+    });
     add("armed", Some("armed".to_owned()), none(), |why| {
         matches!(why, Rejected::DisarmFirst | Rejected::Start(Interlock::NotArmed))
     });
-    add("kind of demand", None, none(), |why| {
+    let kind = match detail.start_demand {
+        Some(Demand::Rpm(_)) => "speed, which the ECU controls",
+        Some(Demand::Throttle(_)) | None => "throttle, which every ECU follows",
+    };
+    add("kind of demand", Some(kind.to_owned()), none(), |why| {
         matches!(
             why,
             Rejected::NeedsVersion { .. }
@@ -56,7 +71,9 @@ pub fn of_start(detail: &Detail) -> Vec<Condition> {
                 | Rejected::AboveMaxRpm { .. }
         )
     });
-    add("source", None, none(), |why| matches!(why, Rejected::Behind(_)));
+    add("source", Some("no higher one commands".to_owned()), none(), |why| {
+        matches!(why, Rejected::Behind(_))
+    });
     add("standby first", Some("commanded by its source".to_owned()), none(), |why| {
         *why == Rejected::StandbyFirst
     });
@@ -75,7 +92,9 @@ pub fn of_start(detail: &Detail) -> Vec<Condition> {
     add("link", Some(format!("{last}, no gap for {stable} s")), format!(" ({stable} s; {last})"), |why| {
         *why == Rejected::Start(Interlock::Link)
     });
-    add("fuel pump", None, none(), |why| *why == Rejected::Start(Interlock::PumpOpen));
+    add("fuel pump", Some("no service has it open".to_owned()), none(), |why| {
+        *why == Rejected::Start(Interlock::PumpOpen)
+    });
     let faults = report.faults.map_or_else(none, |faults| format!(": {}", faults.value));
     add("faults", Some("the ECU reports none".to_owned()), faults, |why| {
         *why == Rejected::Start(Interlock::Fault)
@@ -316,6 +335,7 @@ mod tests {
     fn a_condition_that_is_not_met_has_the_text_of_the_refusal_and_the_limit() {
         let (_, mut detail) = moment();
         detail.config.supervision.start.supply_min = Some(Millivolts::new(11_000));
+        detail.telemetry.link = LinkState::Up;
         detail.telemetry.report.egt = Some(Timed::new(Celsius::from_tenths(250), Instant::MIN));
         let of = |detail: &Detail, what| {
             let all = of_start(detail);
@@ -378,6 +398,44 @@ mod tests {
         assert!(of(&detail, "faults").unwrap().text.ends_with(&format!("clear it first: {faults}")));
         detail.start_refusals = None;
         assert!(of_start(&detail).iter().all(|condition| !condition.met && condition.what == "node"));
+    }
+
+    #[test]
+    fn each_condition_is_shown_met_or_not() {
+        let (_, mut detail) = moment();
+        detail.telemetry.link = LinkState::Up;
+        detail.config.supervision.start.supply_min = Some(Millivolts::new(11_000));
+        detail.telemetry.report.egt = Some(Timed::new(Celsius::from_tenths(250), Instant::MIN));
+        let all = [
+            "emergency stop",
+            "node",
+            "armed",
+            "kind of demand",
+            "source",
+            "standby first",
+            "demand",
+            "link",
+            "fuel pump",
+            "faults",
+            "state",
+            "EGT",
+            "supply",
+            "limits",
+            "other engines",
+        ];
+        let conditions = of_start(&detail);
+        assert_eq!(conditions.iter().map(|condition| condition.what).collect::<Vec<_>>(), all);
+        assert!(
+            conditions.iter().all(|condition| condition.met && !condition.text.is_empty()),
+            "{conditions:?}"
+        );
+        // With a dead wire nothing is known of what the ECU reported before.
+        for link in [LinkState::Lost, LinkState::Silent] {
+            detail.telemetry.link = link;
+            let unmet = of_start(&detail).into_iter().filter(|condition| !condition.met);
+            let unmet: Vec<_> = unmet.map(|condition| (condition.what, condition.text)).collect();
+            assert_eq!(unmet, REPORTED.map(|what| (what, NOT_RECEIVED.to_owned())));
+        }
     }
 
     #[test]
