@@ -146,7 +146,14 @@ const CURVES: f64 = 180.0;
 /// The heights that the grounds of stages have, and nothing else.
 const STAGES: core::ops::Range<f64> = 300.0..340.0;
 const STAGE_NAMES: [&str; 10] =
-    ["standby", "start", "idle", "steps", "cooling", "done", "failed", "event", "played", "commanded"];
+    ["standby", "start", "idle", "steps", "cooling", "done", "failed", "source lost", "played", "commanded"];
+
+/// Whether this is the name of a stage: one of every run, or of what a scenario is about.
+fn is_stage(text: &str) -> bool {
+    STAGE_NAMES.contains(&text) || SCENARIOS.lines().any(|line| line.trim() == format!("name: \"{text}\","))
+}
+
+const SCENARIOS: &str = include_str!("../../src/rig/scenario.rs");
 /// A gap that is no wider need not be named.
 const SHORTEST_GAP: f64 = 4.1;
 /// Where the time axis of a plot ends, and the size of the texts above it.
@@ -198,9 +205,8 @@ pub fn false_names(svg: &str) -> Vec<String> {
         }
     }
     for (_, ground) in grounds.iter().filter(|(_, area)| STAGES.contains(&height(area))) {
-        let is_name = |(text, _, area): &(&str, &str, Area)| {
-            STAGE_NAMES.contains(text) && area.is_within(ground.smaller(-1.0))
-        };
+        let is_name =
+            |(text, _, area): &(&str, &str, Area)| is_stage(text) && area.is_within(ground.smaller(-1.0));
         if ground.right - ground.left > 120.0 && !texts.iter().any(is_name) {
             found.push(format!("the stage from x = {:.0} to {:.0} has no name", ground.left, ground.right));
         }
