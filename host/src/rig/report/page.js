@@ -113,6 +113,31 @@ function x(panel, t) {
   return LEFT + ((t - shown[0]) / (shown[1] - shown[0])) * width(panel);
 }
 
+// Where the names of what happened are, as in the plot: no name covers another one or is crossed by the line below a name.
+function placed(context, panel, right) {
+  const seen = panel.marks.filter(([t]) => t >= shown[0] && t <= shown[1]);
+  const marks = seen.map(([t, , words]) => {
+    const at = x(panel, t), long = context.measureText(words).width + 8;
+    return { at, words, long, forced: at + long > right, lane: null, ends: false };
+  });
+  const span = ({ at, long, ends }) => (ends ? [at - long, at] : [at, at + long]);
+  const inside = (at, [from, to]) => at > from && at < to;
+  const goes = (one, other) => {
+    if (other.lane === null) return true;
+    const a = span(one), b = span(other);
+    const covers = one.lane === other.lane && a[0] < b[1] && b[0] < a[1];
+    return !covers && !(one.lane <= other.lane && inside(one.at, b)) && !(other.lane <= one.lane && inside(other.at, a));
+  };
+  // Those that would run out of the picture end at their line. They come first, from the last one on.
+  for (const mark of [...marks.filter((mark) => mark.forced).reverse(), ...marks.filter((mark) => !mark.forced)]) {
+    const sides = mark.forced ? [true] : [false, true];
+    const places = sides.flatMap((ends) => Array.from({ length: LANES }, (_, lane) => ({ ...mark, ends, lane })));
+    const place = places.find((place) => span(place)[0] >= LEFT && marks.every((other) => other === mark || goes(place, other)));
+    if (place) Object.assign(mark, place);
+  }
+  return marks;
+}
+
 function time(panel, event) {
   const at = event.clientX - panel.canvas.getBoundingClientRect().left - LEFT;
   const t = shown[0] + (at / width(panel)) * (shown[1] - shown[0]);
@@ -294,7 +319,7 @@ function text(context, words, at, y, align, name) {
 }
 
 function panel_draw(panel) {
-  const { canvas, engine, marks } = panel, ratio = window.devicePixelRatio || 1;
+  const { canvas, engine } = panel, ratio = window.devicePixelRatio || 1;
   canvas.width = canvas.clientWidth * ratio;
   canvas.height = canvas.clientHeight * ratio;
   const context = canvas.getContext("2d");
@@ -372,24 +397,17 @@ function panel_draw(panel) {
     line(x(panel, from), middle - 20, x(panel, to), middle - 20);
     around.lines.push([x(panel, from), middle - 21, x(panel, to), middle - 19]);
   }
-  const lanes = new Array(LANES).fill(LEFT);
   panel.unnamed = 0;
-  for (const [t, , words] of marks) {
-    if (t < shown[0] || t > shown[1]) continue;
-    const at = x(panel, t), long = context.measureText(words).width + 8;
+  panel.placed = placed(context, panel, right);
+  for (const { at, words, lane, ends } of panel.placed) {
+    // Up to its name.
+    const top = lane === null ? TOP - 4 : 2 + LANE * lane;
     context.strokeStyle = colour("mark");
     context.lineWidth = 1;
-    line(at, TOP - 4, at, bottom);
-    around.lines.push([at, TOP - 4, at, bottom]);
-    // One that would run out of the picture ends at its line.
-    const ends = at + long > right;
-    const free = lanes.findIndex((end) => end <= (ends ? at - long : at));
-    if (free >= 0) {
-      lanes[free] = ends ? at : at + long;
-      text(context, words, ends ? at - 2 : at + 2, 12 + LANE * free, ends ? "right" : "left", "mark");
-    } else {
-      panel.unnamed += 1;
-    }
+    line(at, top, at, bottom);
+    around.lines.push([at, top, at, bottom]);
+    if (lane === null) panel.unnamed += 1;
+    else text(context, words, ends ? at - 2 : at + 2, 12 + LANE * lane, ends ? "right" : "left", "mark");
   }
   // The names come last, where no line is, as in the plot.
   panel.named = [];

@@ -19,6 +19,8 @@ const SPAN: f64 = 120.0;
 const BESIDE: usize = 4;
 /// Lines of the strip of the throttle.
 const STRIP: u16 = 6;
+/// A chart that begins within this time of the run, in seconds, has its beginning.
+const FIRST_FRAME_WITHIN: f64 = 1.0;
 /// A chart of fewer lines shows nothing.
 const LEAST_HEIGHT: u16 = 16;
 /// Least room above the highest speed and above the limit of the EGT.
@@ -81,21 +83,34 @@ fn engine(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect, engine
         ("rpm", Tone::Good, curve(&|point| point.rpm.filter(|_| !point.rpm_old), 1.0)),
     ];
     if by_rpm {
-        speeds.insert(0, ("demand", Tone::Warn, curve(&|point| point.demand_rpm, 1.0)));
+        // What is sent lies above what is commanded where both are the same, as in the strip of a throttle.
+        speeds.insert(0, ("sent", Tone::Busy, curve(&|point| point.sent_rpm, 1.0)));
+        speeds.insert(1, ("commanded", Tone::Warn, curve(&|point| point.demand_rpm, 1.0)));
     }
     // Behind the curves: what happened, and at the bottom where nothing is received.
     let marks = marks(model, engine);
     let through = |top: f64| -> Curve { marks.iter().map(|(t, _)| vec![(*t, 0.0), (*t, top)]).collect() };
-    let gaps = curve(&|point| (!point.link).then_some(Band::of(0.0)), 1.0);
+    // Before the first frame nothing could be received.
+    let first = match (points.first(), points.iter().position(|point| point.link)) {
+        (Some(point), Some(place)) if point.t < FIRST_FRAME_WITHIN => points.get(place).map(|point| point.t),
+        _ => None,
+    };
+    let is_gap = |point: &Point| !point.link && first.is_none_or(|first| point.t > first);
+    let gaps = curve(&|point| is_gap(point).then_some(Band::of(0.0)), 1.0);
     let has_gap = !gaps.is_empty();
     speeds.insert(0, ("marks", Tone::Quiet, through(top_rpm)));
     speeds.push(("gaps", Tone::Bad, gaps));
-    let title = vec![
+    let mut title = vec![
         Span::styled(format!(" {}: ", model.name(engine)), theme.style(Tone::Head)),
         Span::styled("rpm", theme.style(Tone::Good)),
         Span::styled(theme.text(&format!(", EGT (top: {top_egt:.0} °C)")), theme.style(Tone::Bad)),
-        Span::styled(if by_rpm { ", demand " } else { " " }, theme.style(Tone::Warn)),
     ];
+    let of_demand = [
+        Span::styled(", commanded", theme.style(Tone::Warn)),
+        Span::raw(" and "),
+        Span::styled("sent ", theme.style(Tone::Busy)),
+    ];
+    title.extend(if by_rpm { of_demand.to_vec() } else { vec![Span::raw(" ")] });
     let name = format!("{:.0}k", top_rpm / 1000.0);
     let strip = if by_rpm { 0 } else { STRIP.min(area.height / 3) };
     let [upper, lower] = Layout::vertical([Constraint::Fill(1), Constraint::Length(strip)]).areas(area);
@@ -141,7 +156,8 @@ fn marks(model: &Model, engine: usize) -> Vec<(f64, String)> {
 fn named(marks: &[(f64, String)], has_gap: bool, room: usize, theme: Theme) -> String {
     let gap = has_gap.then(|| "bottom line: nothing received".to_owned());
     let latest = marks.iter().rev().map(|(t, text)| format!("{text} {t:.0} s"));
-    let all: Vec<String> = gap.into_iter().chain(latest).map(|text| theme.text(&text)).collect();
+    // What happened comes first.
+    let all: Vec<String> = latest.chain(gap).map(|text| theme.text(&text)).collect();
     let text = |kept: usize| {
         let names: Vec<&str> = all.iter().take(kept).rev().map(String::as_str).collect();
         let more = all.len() - kept;

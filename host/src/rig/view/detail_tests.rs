@@ -87,7 +87,10 @@ fn charts_mark_events_and_gaps_and_name_them() {
     for name in ["cut -12 s", "link lost -1", "mend -4 s", "bottom line: nothing received"] {
         assert!(screen.contains(name), "{name}: {screen}");
     }
-    // The first second, before the first frame, is over two minutes ago.
+    // The first moment, before the first frame, is no gap, and what happened has its name.
+    let stopped = pair(20.0, &[(5.0, char(' '))], "marks-stop");
+    let screen = text(&buffer(&stopped.model, COLOUR, 200, 50));
+    assert!(screen.contains("emergency-stop -15 s") && !screen.contains("bottom line"), "{screen}");
     let clean = pair(125.0, &[], "no-marks");
     let screen = text(&buffer(&clean.model, COLOUR, 200, 50));
     assert!(!screen.contains("bottom line") && !screen.contains(" more, "), "{screen}");
