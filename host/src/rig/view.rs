@@ -8,6 +8,7 @@ pub mod model;
 mod panels;
 mod popup;
 mod rows;
+mod sgr;
 pub mod terminal;
 pub mod theme;
 mod why;

@@ -349,6 +349,12 @@ fn a_run_that_is_complete_stays_until_it_is_ended() {
     let args = ["--standby", "--duration", "2s", "--csv", csv.to_str().unwrap()];
     let mut terminal = Terminal::start(&args);
     wait_until("the verdict", || terminal.output().contains("verdict: PASS"));
+    // Sixteen colours, by the codes that every terminal with colours knows.
+    assert!(
+        terminal.output().contains("\u{1b}[90") && !terminal.output().contains("38;5;"),
+        "{}",
+        terminal.output()
+    );
     assert!(terminal.child.try_wait().expect("a status").is_none());
     // Nothing comes any more, and the file has it all.
     wait_until("the last rows", || {

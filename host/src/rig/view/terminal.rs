@@ -10,6 +10,7 @@ use super::draw::draw;
 use super::keyboard::Keyboard;
 use super::keys::Does;
 use super::model::{Event as ModelEvent, Model, Requested};
+use super::sgr::sixteen_colours;
 use super::theme::Theme;
 use crossterm::event::{DisableMouseCapture, EnableMouseCapture, Event, MouseButton, MouseEventKind};
 use crossterm::terminal::{
@@ -70,18 +71,27 @@ fn take_over() -> io::Result<()> {
 /// The terminal as ratatui writes to it. Ratatui prints that it cannot show the cursor when it is dropped, and panics where that
 /// cannot be printed either, as in a window that was closed. So nothing fails here: what goes out around each picture does.
 #[derive(Debug)]
-struct Forgiving(Stdout);
+struct Forgiving {
+    to: Stdout,
+    /// What was written since the last flush.
+    pending: Vec<u8>,
+}
+
+impl Forgiving {
+    fn new() -> Self {
+        Self { to: io::stdout(), pending: Vec::new() }
+    }
+}
 
 impl Write for Forgiving {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        match self.0.write(bytes) {
-            Err(error) if error.kind() != io::ErrorKind::Interrupted => Ok(bytes.len()),
-            result => result,
-        }
+        self.pending.extend(bytes);
+        Ok(bytes.len())
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.0.flush().or(Ok(()))
+        let _ = self.to.write_all(&sixteen_colours(&core::mem::take(&mut self.pending)));
+        self.to.flush().or(Ok(()))
     }
 }
 
@@ -91,7 +101,7 @@ fn fresh() -> io::Result<Terminal<CrosstermBackend<Forgiving>>> {
     let (width, height) = size::of_terminal()?;
     execute!(io::stdout(), Clear(ClearType::All))?;
     let viewport = Viewport::Fixed(Rect::new(0, 0, width, height));
-    Terminal::with_options(CrosstermBackend::new(Forgiving(io::stdout())), TerminalOptions { viewport })
+    Terminal::with_options(CrosstermBackend::new(Forgiving::new()), TerminalOptions { viewport })
 }
 
 fn give_back() {

@@ -45,7 +45,9 @@ impl Theme {
         // The first of the three that is set counts.
         let locale = ["LC_ALL", "LC_CTYPE", "LANG"].into_iter().find_map(set).unwrap_or_default();
         let utf8 = locale.to_lowercase().replace('-', "").contains("utf8") || cfg!(windows);
-        let monochrome = term.ends_with("-m") || term.ends_with("-mono") || term.starts_with("vt1");
+        // The VT525 is the first one with colours.
+        let of_dec = ["vt1", "vt2", "vt3", "vt4"].iter().any(|vt| term.starts_with(vt));
+        let monochrome = term.ends_with("-m") || term.ends_with("-mono") || of_dec;
         Self {
             colours: set("NO_COLOR").is_none() && !monochrome,
             // The Linux console has neither braille nor all blocks.
@@ -161,7 +163,11 @@ mod tests {
         assert_eq!(theme(&[utf8, ("TERM", "xterm"), ("NO_COLOR", "1")]), both(false, false));
         assert_eq!(theme(&[utf8, ("TERM", "xterm"), ("NO_COLOR", "")]), both(true, false));
         assert_eq!(theme(&[utf8, ("TERM", "linux")]), both(true, true));
-        assert_eq!(theme(&[utf8, ("TERM", "vt100")]), both(false, false));
+        for (term, colours) in
+            [("vt100", false), ("vt220", false), ("vt340", false), ("vt420", false), ("vt525", true)]
+        {
+            assert_eq!(theme(&[utf8, ("TERM", term)]), both(colours, false), "{term}");
+        }
         assert_eq!(theme(&[utf8, ("TERM", "xterm"), ("LC_ALL", "C")]), both(true, true));
         assert_eq!(theme(&[("TERM", "xterm")]), both(true, true));
     }
