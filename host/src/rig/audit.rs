@@ -204,8 +204,8 @@ pub struct Audit {
     reset_at: Option<Nanos>,
     /// The last demand on the wire.
     level: Option<Level>,
-    /// The last speed on the wire: a node that is in doubt repeats it, whatever is commanded meanwhile.
-    last_rpm: Option<WireCommand>,
+    /// The last speed on the wire: a node that is in doubt repeats it, or lowers it, whatever is commanded meanwhile.
+    last_rpm: Option<u32>,
     /// The demand may still be on its way up to the commanded one, until then.
     rises_until: Option<Nanos>,
     received: Received,
@@ -406,16 +406,19 @@ impl Audit {
         (self.received.gap, self.received.whole) = (Some(at), None);
         self.last_slot = None;
         self.slot_shared_at = None;
-        let before = match (self.on_wire.take(), self.orders.back()) {
+        let retained = match (self.on_wire.take(), self.orders.back()) {
             // These are retained, though they may not have been sent yet.
-            (_, Some(&(_, Allowed::Order(Order::EmergencyStop)))) => WireCommand::Stop,
-            (_, Some(&(_, Allowed::Order(Order::Standby)))) => WireCommand::Standby,
-            (Some(before), _) => before,
+            (_, Some(&(_, Allowed::Order(Order::EmergencyStop)))) => Allowed::Again(WireCommand::Stop),
+            (_, Some(&(_, Allowed::Order(Order::Standby)))) => Allowed::Again(WireCommand::Standby),
+            (Some(before), _) => Allowed::Again(before),
             // Nothing was sent since the reset before.
-            (None, Some(&(_, Allowed::Again(before)))) => before,
-            (None, _) => WireCommand::Standby,
+            (None, Some(&(_, before @ (Allowed::Again(_) | Allowed::UpTo(_))))) => before,
+            (None, Some(&(_, Allowed::Order(Order::Run(demand))))) => {
+                Allowed::UpTo(Highest::default().or(demand))
+            }
+            (None, _) => Allowed::Again(WireCommand::Standby),
         };
-        self.allow(at, Allowed::Again(before));
+        self.allow(at, retained);
         self.may_rise(at + RISE_WITHIN);
     }
 
@@ -576,8 +579,8 @@ impl Audit {
         self.sent_until = frame.end;
         if wire != WireCommand::Nothing {
             self.on_wire = Some(wire);
-            if let WireCommand::RunRpm(_) = wire {
-                self.last_rpm = Some(wire);
+            if let WireCommand::RunRpm(rpm) = wire {
+                self.last_rpm = Some(rpm);
             }
             self.commanded_until = frame.end;
         }
@@ -633,14 +636,20 @@ impl Audit {
             })
     }
 
-    /// Whether the node repeats a speed because it has not received its ECU: that starts nothing.
+    /// Whether the node repeats or lowers a speed, or repeats the switch with the throttle at idle, because it has not received its
+    /// ECU: that starts no engine and raises no demand.
     fn repeats_in_doubt(&self, wire: WireCommand) -> bool {
         let runs = self
             .orders
             .iter()
             .any(|&(_, allowed)| matches!(allowed, Allowed::Order(Order::Run(_)) | Allowed::UpTo(_)));
         let in_doubt = self.received.gap.is_some_and(|gap| self.frame_start <= gap + UNCONFIRMED);
-        runs && in_doubt && self.last_rpm == Some(wire)
+        let no_more = match wire {
+            WireCommand::RunRpm(rpm) => self.last_rpm.is_some_and(|last| rpm <= last),
+            WireCommand::Run(tenths) => tenths == 0,
+            WireCommand::Stop | WireCommand::Standby | WireCommand::Nothing => false,
+        };
+        runs && in_doubt && no_more
     }
 
     /// Keeps the demand of this frame; it rises no more when it is the one that is given, to the step of the wire.

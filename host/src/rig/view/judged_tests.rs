@@ -250,6 +250,19 @@ fn a_source_that_has_just_returned_leaves_the_engine_in_standby() {
     all_pass("returned", &[&by_rpm, &format!("{ZK}{actions}"), &format!("{AMT}{actions}")]);
 }
 
+/// A source that falls silent, or commands another demand, between two resets.
+#[test]
+fn a_run_stays_in_force_through_two_resets() {
+    for between in ["silent", "throttle 20"] {
+        let actions = format!("60 all node-reset\n60.4 left {between}\n60.7 all node-reset\n70 end\n");
+        let by_rpm = "engine name=left,ecu=zk,mode=rpm\n";
+        all_pass(
+            "run-two-resets",
+            &[AMT, ZK, by_rpm].map(|engine| format!("{engine}{actions}")).each_ref().map(String::as_str),
+        );
+    }
+}
+
 /// The node has commanded run, and the ECU has not received it.
 #[test]
 fn disarming_ends_a_start_that_the_ecu_does_not_follow() {
