@@ -13,6 +13,8 @@ use std::thread;
 
 const HEAD: &str = "jetlink rig   ";
 const LEAVE_ALTERNATE_SCREEN: &str = "\u{1b}[?1049l";
+const MOUSE_ON: &str = "\u{1b}[?1000h";
+const MOUSE_OFF: &str = "\u{1b}[?1000l";
 const SHOW_CURSOR: &str = "\u{1b}[?25h";
 
 /// A rig on a terminal of its own.
@@ -307,6 +309,14 @@ fn a_played_run_is_saved_and_its_command_printed() {
     wait_until("it is done", || terminal.output().contains("played: disarm"));
     terminal.types(b" ");
     wait_until("it is done", || terminal.output().contains("emergency-stop"));
+    // Keys of the terminal and of time.
+    assert!(!terminal.output().contains(MOUSE_ON), "the mouse is off until a key turns it on");
+    terminal.types(b"m");
+    wait_until("the mouse is on", || terminal.output().contains(MOUSE_ON));
+    terminal.types(b"mp");
+    wait_until("it is paused", || terminal.output().contains("PAUSED"));
+    let mouse_off = terminal.output().rfind(MOUSE_OFF);
+    assert!(mouse_off > terminal.output().rfind(MOUSE_ON), "the mouse is off again");
     terminal.types(b"q");
     let (ended, text) = terminal.end();
     assert_eq!(ended.code(), Some(0), "{text}");

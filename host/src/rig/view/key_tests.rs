@@ -5,13 +5,36 @@ use super::super::message::Message;
 use super::super::options::order;
 use super::super::session;
 use super::keys::{Key, restart};
-use super::model::{Model, Page, Popup};
+use super::model::{Model, Page, Popup, Requested};
 use super::tests::{COLOUR, Cli, Keys, Played, buffer, char, pair, press, text};
 use clap::Parser;
 use crossterm::event::{KeyCode, KeyEvent, KeyEventKind};
 use embassy_time::Duration;
 use jetlink::engine::state::EngineState;
 use std::cell::RefCell;
+
+/// Where no key has turned it on, the mouse marks text, as in any terminal.
+#[test]
+fn the_mouse_selects_engines_when_it_is_on() {
+    let mut played = pair(1.0, &[], "mouse");
+    let row = text(&buffer(&played.model, COLOUR, 80, 24));
+    let row = row.lines().position(|line| line.trim_start().contains("right")).expect("a row") as u16;
+    assert!(!played.model.mouse);
+    played.model.click(3, row);
+    assert_eq!(played.model.selected, 0, "it is off");
+    assert_eq!(played.model.key(&char('m')), Some(Requested::Mouse(true)));
+    assert!(
+        text(&buffer(&played.model, COLOUR, 80, 24))
+            .lines()
+            .next()
+            .is_some_and(|line| line.ends_with("mouse"))
+    );
+    played.model.click(3, row);
+    assert_eq!(played.model.selected, 1);
+    played.model.click(3, 0);
+    assert_eq!(played.model.selected, 1, "no engine is drawn there");
+    assert_eq!(played.model.key(&char('m')), Some(Requested::Mouse(false)));
+}
 
 #[test]
 fn every_key_is_on_the_help_screen_at_80_by_24() {

@@ -321,8 +321,11 @@ impl Model {
         self.popup = if self.popup == Some(popup) { None } else { Some(popup) };
     }
 
-    /// A click selects the engine that is drawn there.
+    /// A click selects the engine that is drawn there, with the mouse on.
     pub fn click(&mut self, column: u16, row: u16) {
+        if !self.mouse {
+            return;
+        }
         let places = self.places.borrow();
         let hit = places.iter().find(|(place, _)| place.contains((column, row).into()));
         if let Some(&(_, engine)) = hit {

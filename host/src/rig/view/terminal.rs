@@ -130,6 +130,19 @@ const fn in_foreground() -> bool {
     true
 }
 
+/// What the run is to do about it; `None`: that concerns the terminal, or the end.
+const fn of_run(requested: Requested) -> Option<Request> {
+    Some(match requested {
+        Requested::Wish(engine, wish) => Request::Wish(engine, wish),
+        Requested::Passing(Does::Pause) => Request::Pause,
+        Requested::Passing(Does::Step) => Request::Step,
+        Requested::Passing(Does::Faster) => Request::Faster,
+        Requested::Passing(Does::Slower) => Request::Slower,
+        Requested::Passing(_) => Request::Auto,
+        Requested::Quit | Requested::Interrupt | Requested::Mouse(_) | Requested::Suspend => return None,
+    })
+}
+
 /// The screen of a live run.
 #[derive(Debug)]
 pub struct Screen {
@@ -273,16 +286,11 @@ impl Screen {
     }
 
     fn pass_on(&mut self, requested: Requested) -> io::Result<()> {
-        let request = |request| {
+        if let Some(request) = of_run(requested) {
             let _ = self.requests.send(request); // a run that has ended takes nothing any more
-        };
+        }
         match requested {
-            Requested::Wish(engine, wish) => request(Request::Wish(engine, wish)),
-            Requested::Passing(Does::Pause) => request(Request::Pause),
-            Requested::Passing(Does::Step) => request(Request::Step),
-            Requested::Passing(Does::Faster) => request(Request::Faster),
-            Requested::Passing(Does::Slower) => request(Request::Slower),
-            Requested::Passing(_) => request(Request::Auto),
+            Requested::Wish(..) | Requested::Passing(_) => {}
             Requested::Quit => self.end.request(EndedBy::Key),
             Requested::Interrupt => self.end.request(EndedBy::Interrupt),
             Requested::Mouse(true) => execute!(io::stdout(), EnableMouseCapture)?,
@@ -335,5 +343,31 @@ impl Screen {
         self.drawn = None;
         self.terminal = fresh()?;
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{char, pair};
+    use super::*;
+
+    #[test]
+    fn the_keys_of_time_reach_the_run() {
+        let mut played = pair(1.0, &[], "passing");
+        for (key, request) in [
+            ('p', Request::Pause),
+            ('.', Request::Step),
+            ('+', Request::Faster),
+            ('-', Request::Slower),
+            ('0', Request::Auto),
+        ] {
+            assert_eq!(played.model.key(&char(key)).and_then(of_run), Some(request), "{key}");
+        }
+        for key in ['m', 'q'] {
+            assert!(
+                played.model.key(&char(key)).is_some_and(|requested| of_run(requested).is_none()),
+                "{key}"
+            );
+        }
     }
 }
