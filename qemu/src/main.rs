@@ -72,20 +72,13 @@ fn test(arguments: &Arguments, limit: Duration) -> Result<(), String> {
     }
     faults.extend(verdict::of_log(&log));
     for ecu in &ecus {
-        println!("{}", verdict::summary(ecu));
         faults.extend(verdict::of_ecu(ecu));
     }
     let seconds = began.elapsed().as_secs_f64();
+    println!("{}", verdict::report(&log, &ecus, &faults, seconds));
     if faults.is_empty() {
-        println!("PASS in {seconds:.1} s: {} log lines, {} engines", log.lines.len(), ecus.len());
         Ok(())
     } else {
-        for line in &log.lines {
-            println!("{:>11} {:<5} {}", line.time, line.level, line.message);
-        }
-        for fault in &faults {
-            println!("- {fault}");
-        }
         Err(format!("FAIL after {seconds:.1} s, reasons: {}", faults.len()))
     }
 }

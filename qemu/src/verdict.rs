@@ -1,7 +1,7 @@
 //! Judges the trial by the firmware's log and by the ECUs' own counters.
 
 use crate::ecu::{Attached, WIDE_WINDOW};
-use crate::log::Lines;
+use crate::log::{Line, Lines};
 use jetlink_fw::config::ENGINES;
 use sim::ecu::{MILLIS, Nanos};
 use sim::turbine::Phase;
@@ -9,6 +9,19 @@ use sim::turbine::Phase;
 /// Largest number of sets of an AMT ECU without a reply in time: QEMU's time is the host's, and a busy host may stop it for a
 /// while. Three consecutive ones are far from the 2 s after which the ECU stops its engine.
 const UNANSWERED: u64 = 3;
+
+/// What is printed at the end: a line for each ECU, and the log only where something failed.
+pub fn report(log: &Lines, ecus: &[Attached], faults: &[String], seconds: f64) -> String {
+    let mut lines: Vec<String> = ecus.iter().map(summary).collect();
+    if faults.is_empty() {
+        lines.push(format!("PASS in {seconds:.1} s: {} log lines, {} engines", log.lines.len(), ecus.len()));
+    } else {
+        let of_log = |line: &Line| format!("{:>11} {:<5} {}", line.time, line.level, line.message);
+        lines.extend(log.lines.iter().map(of_log));
+        lines.extend(faults.iter().map(|fault| format!("- {fault}")));
+    }
+    lines.join("\n")
+}
 
 /// Faults in the log.
 pub fn of_log(log: &Lines) -> Vec<String> {
@@ -94,7 +107,7 @@ pub fn summary(attached: &Attached) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::log::Line;
+    use crate::ecu::Turbine;
 
     fn good() -> Lines {
         let mut lines = vec!["jetlink 0.1.0 on QEMU".to_owned()];
@@ -110,6 +123,19 @@ mod tests {
         lines.push("trial: passed".into());
         let line = |message| Line { time: String::new(), level: "INFO", message };
         Lines { lines: lines.into_iter().map(line).collect(), malformed: 0 }
+    }
+
+    #[test]
+    fn a_pass_is_a_few_lines_and_a_failure_has_the_log() {
+        let ecus: Vec<Attached> =
+            ENGINES.iter().enumerate().map(|(i, engine)| Attached::new(i, engine, Turbine::Quick)).collect();
+        let log = good();
+        let passed = report(&log, &ecus, &[], 50.0);
+        assert_eq!(passed.lines().count(), ENGINES.len() + 1, "{passed}");
+        assert!(passed.ends_with(&format!("{} log lines, {} engines", log.lines.len(), ENGINES.len())));
+        let failed = report(&log, &ecus, &["log: it is cold".to_owned()], 50.0);
+        assert_eq!(failed.lines().count(), ENGINES.len() + log.lines.len() + 1, "{failed}");
+        assert!(failed.ends_with("trial: passed\n- log: it is cold"), "{failed}");
     }
 
     #[test]
