@@ -32,6 +32,9 @@ const DRAW_EVERY: Duration = Duration::from_millis(66);
 /// Keys are looked at so often while nothing else comes.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
+/// Continued in the background: a signal that ends the program is there within this time.
+const END_WITHIN: Duration = Duration::from_millis(400);
+
 /// The alternate screen in raw mode, as long as it lives and nothing has panicked.
 #[derive(Debug)]
 struct AlternateScreen {
@@ -329,11 +332,19 @@ impl Screen {
 
     fn resume(&mut self) -> io::Result<()> {
         // Continued while the shell has the terminal: that waits for `fg`, or for the end.
+        let mut looked = Duration::ZERO;
         while !in_foreground() {
             if self.end.requested().is_some() {
                 return Ok(());
             }
-            self.stop_here()?;
+            // The signal that ends it comes beside the one that continues it, and another thread may take it.
+            if looked < END_WITHIN {
+                std::thread::sleep(LOOK_EVERY);
+                looked += LOOK_EVERY;
+            } else {
+                self.stop_here()?;
+                looked = Duration::ZERO;
+            }
         }
         take_over()?;
         self.screen.left.store(false, Ordering::SeqCst);
