@@ -23,6 +23,8 @@ mod key_tests;
 #[cfg(test)]
 mod picture;
 #[cfg(test)]
+mod random_tests;
+#[cfg(test)]
 mod tests;
 #[cfg(test)]
 mod truth_tests;
