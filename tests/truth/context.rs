@@ -492,10 +492,11 @@ impl EngineContext {
         }
     }
 
-    /// What came of it, with the times in which other engines of the group may have failed, and have for sure, and of their starts.
-    pub fn judged(&mut self, failed: Spans, down: Spans, starts: Vec<u64>) -> Judged {
+    /// What came of it, with the times in which other engines of the group may have failed, have for sure,
+    /// or make its start wait, and of their starts.
+    pub fn judged(&mut self, failed: Spans, down: Spans, busy: Spans, starts: Vec<u64>) -> Judged {
         (self.history.other_failed, self.history.other_down) = (failed, down);
-        self.history.other_starts = starts;
+        (self.history.other_starts, self.history.other_busy) = (starts, busy);
         let verdict = judge(&self.history);
         Judged {
             name: self.setup.name(),

@@ -564,8 +564,9 @@ pub struct History {
     pub pwm: Spans,
     /// There is a signal on it that commands run.
     pub pwm_signal: Spans,
-    /// When other engines of the node were started.
+    /// When other engines of the node were started, and when a start of theirs makes this engine's wait.
     pub other_starts: Vec<u64>,
+    pub other_busy: Spans,
     /// When each set of an AMT ECU ended on its wire.
     pub sets: Vec<u64>,
     /// Another engine of the node does not run although it was to.
@@ -608,6 +609,7 @@ impl History {
             pwm: Spans::default(),
             pwm_signal: Spans::default(),
             other_starts: Vec::new(),
+            other_busy: Spans::default(),
             sets: Vec::new(),
             other_failed: Spans::default(),
             other_down: Spans::default(),

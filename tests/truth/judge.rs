@@ -25,7 +25,7 @@ use crate::history::{History, Mark, SECOND};
 use case::Case;
 
 pub use case::{Rule, Verdict, seconds};
-pub use limits::{failed_for_sure, may_have_failed};
+pub use limits::{busy, failed_for_sure, may_have_failed};
 
 /// Judges one engine.
 pub fn judge(history: &History) -> Verdict {

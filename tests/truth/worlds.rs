@@ -6,7 +6,7 @@ use crate::context::{EngineContext, Judged, LOOK, now};
 use crate::fate::Fate;
 use crate::faults::Weather;
 use crate::history::{Cause, MS, Reset, SECOND, Spans};
-use crate::judge::{failed_for_sure, may_have_failed};
+use crate::judge::{self, failed_for_sure, may_have_failed};
 use crate::pilots::Rng;
 use crate::radio::Receiver;
 use crate::settings::{self, Setup};
@@ -175,6 +175,7 @@ fn play<const N: usize>(
     contexts.iter_mut().for_each(EngineContext::end);
     let ends: Vec<Spans> = contexts.iter().map(|context| may_have_failed(&context.history)).collect();
     let sure: Vec<Spans> = contexts.iter().map(|context| failed_for_sure(&context.history)).collect();
+    let busy: Vec<Spans> = contexts.iter().map(|context| judge::busy(&context.history)).collect();
     let started: Vec<Vec<u64>> = contexts.iter().map(|context| context.history.starts_on_wire()).collect();
     let engines = (0..N).map(|port| {
         let others = |of: &[Spans]| {
@@ -184,7 +185,7 @@ fn play<const N: usize>(
         let started = (0..N).filter(|other| *other != port).flat_map(|other| &started[other]);
         let mut started: Vec<u64> = started.copied().collect();
         started.sort_unstable();
-        contexts[port].judged(others(&ends), others(&sure), started)
+        contexts[port].judged(others(&ends), others(&sure), others(&busy), started)
     });
     World { seed, engines: engines.collect() }
 }

@@ -289,6 +289,33 @@ impl Case<'_> {
     }
 }
 
+/// When a start of another engine makes those of the others wait: until it is known to run, or its order ends, and for the time between
+/// two starts.
+pub fn busy(other: &History) -> Spans {
+    let switches: Vec<(u64, Switch)> =
+        other.frames.iter().filter_map(|frame| Some((frame.at, frame.sent.switch()?))).collect();
+    let orders = |switch| matches!(switch, Switch::Run | Switch::Pwm);
+    let down = other.down();
+    let hidden = other.mute.union(&other.deaf).union(&other.noise).union(&other.unpowered).union(&down);
+    let runs = other.times(|sample| sample.runs() && !sample.hidden && !sample.fault);
+    let mut spans = Vec::new();
+    for pair in switches.windows(2).filter(|pair| !orders(pair[0].1) && orders(pair[1].1)) {
+        let at = pair[1].0;
+        let ends = switches.iter().find(|(when, switch)| *when > at && !orders(*switch));
+        let ends = ends.map_or(other.end, |(when, _)| *when);
+        let known = two_states(other) + SECOND;
+        let known = runs.iter().find_map(|(from, to)| {
+            let from = from.max(at);
+            let by = from + known + hidden.within(from, from + known) * 4;
+            (from > at && by < to).then_some(by)
+        });
+        let free = known.unwrap_or(u64::MAX).min(ends + SECOND).max(at + other.rules.start_gap);
+        // Its command came a moment before.
+        spans.push((at.saturating_sub(SECOND), free + other.rules.period));
+    }
+    Spans::from(&spans)
+}
+
 /// When another engine may count as failed: at rest after it ran, with a fault, not received, or shut down by its node.
 pub fn may_have_failed(history: &History) -> Spans {
     let mut ran = false;

@@ -9,6 +9,8 @@ use sim::turbine::Phase;
 const OBEYS: u64 = 1500 * MS;
 /// A start that is commanded is on the wire by then.
 const GRANTED: u64 = SECOND;
+/// One that waits for another engine for longer is not judged.
+const LONGEST_WAIT: u64 = 100 * SECOND;
 /// Everything that keeps an engine from a start is out of the way for this long before it.
 const READY: u64 = 4 * SECOND;
 const STOP: &str = "an emergency stop";
@@ -147,12 +149,12 @@ impl Case<'_> {
     pub(super) fn granted(&mut self) {
         let h = self.h;
         let rules = &h.rules;
-        // Another engine may start, or a limit be exceeded.
-        if rules.start_wait > 0 || rules.limit_fault.is_some() || rules.limit_change.is_some() {
+        // A limit may be exceeded.
+        if rules.limit_fault.is_some() || rules.limit_change.is_some() {
             return;
         }
         let hidden = self.blind.union(&h.noise).union(&self.down).union(&h.sensor).union(&h.deaf);
-        let hidden = hidden.union(&self.stopped).union(&self.live).union(&self.faults);
+        let hidden = hidden.union(&self.stopped).union(&self.faults);
         let mut before = [None; 4];
         for commanded in h
             .commanded
@@ -162,7 +164,18 @@ impl Case<'_> {
             let first = before[commanded.source].replace(commanded.command) == Some(PilotCommand::Standby);
             let PilotCommand::Run(demanded) = commanded.command else { continue };
             let at = commanded.at;
-            if !first || !self.is_idle(demanded) || at < READY + rules.link_stable || at + GRANTED > h.end {
+            // It waits for another engine that starts, and goes when it may.
+            let mut due = at + GRANTED;
+            while let Some((_, free)) = h.other_busy.last_before(due).filter(|(_, free)| free + GRANTED > due)
+            {
+                due = free + GRANTED;
+            }
+            let waits = due > at + GRANTED;
+            if !first
+                || !self.is_idle(demanded)
+                || at < READY + rules.link_stable
+                || due > h.end.min(at + LONGEST_WAIT)
+            {
                 continue;
             }
             let since = at - READY;
@@ -170,7 +183,7 @@ impl Case<'_> {
                 .command_log
                 .commands_since(commanded.source, at)
                 .is_some_and(|from| at >= from + rules.recover_after + rules.takeover + SECOND);
-            let lately = h.commanded(since, at + GRANTED);
+            let lately = h.commanded(since, due);
             // It commands standby, then run at idle, and nobody else anything but standby, below it and all the time.
             let mut received = lately.iter().filter(|command| command.command.is_received());
             let clear = received.all(|command| match command.command {
@@ -186,7 +199,10 @@ impl Case<'_> {
             let quiet = !lately
                 .iter()
                 .any(|command| matches!(command.command, PilotCommand::Disarm | PilotCommand::Release));
-            let armed = self.command_log.surely_armed(since) && self.command_log.surely_armed(at);
+            let armed = self.command_log.surely_armed(since) && self.command_log.surely_armed(due);
+            // One that waits ends with its source.
+            let fresh = !waits
+                || self.command_log.commands_since(commanded.source, due).is_some_and(|from| from < at);
             let samples = h.samples(since, at);
             let cold = samples.iter().all(|sample| {
                 sample.phase == Phase::Standby && sample.egt < rules.egt_max - 10.0 && sample.flow == 0.0
@@ -198,22 +214,23 @@ impl Case<'_> {
             // An AMT ECU has no state for cooling: the shaft has to be at rest.
             let most = if self.is_amt() { 200.0 } else { 10_000.0 };
             let still = h.samples(at.saturating_sub(SECOND), at).iter().all(|sample| sample.rpm < most);
-            if !(settled && clear && quiet && armed && cold && still)
+            if !(settled && clear && quiet && armed && fresh && cold && still)
                 || services
                 || samples.is_empty()
-                || hidden.touches(since, at + GRANTED)
-                || h.pwm.touches(since, at + GRANTED)
+                || self.live.touches(since, at)
+                || hidden.touches(since, due)
+                || h.pwm.touches(since, due)
             {
                 continue;
             }
             self.verdict.count("starts that have to be granted", 1);
-            if !h.frames_within(at, at + GRANTED).iter().any(|frame| frame.sent.switch() == Some(Switch::Run))
-            {
+            self.verdict.count("starts that have to go when they may", u64::from(waits));
+            if !h.frames_within(at, due).iter().any(|frame| frame.sent.switch() == Some(Switch::Run)) {
                 let text = format!(
                     "source {} commands standby and then run at idle, and no run is on the wire",
                     commanded.source
                 );
-                self.verdict.finding(Rule::Granted, at + GRANTED, text);
+                self.verdict.finding(Rule::Granted, due, text);
             }
         }
     }

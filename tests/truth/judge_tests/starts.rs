@@ -667,3 +667,24 @@ fn a_start_of_a_zk_engine_ends_after_its_time() {
     };
     assert!(late(relit(60, true)) && !late(relit(60, false)) && !late(relit(100, true)));
 }
+
+#[test]
+fn a_start_that_waits_goes_when_it_may() {
+    let run = PilotCommand::Run(Demanded::Throttle(0));
+    let story = |goes: f64, busy: u64| {
+        Story::new(ZK5)
+            .once(PILOT, 1.5, PilotCommand::Arm)
+            .streams(PILOT, 1.0, 12.0, PilotCommand::Standby)
+            .streams(PILOT, 12.0, 30.0, run)
+            .wire(1.0, goes, STANDBY)
+            .wire(goes, 30.0, IDLE)
+            .turbine(0.0, goes, Phase::Standby, 0.0, 15.0)
+            .turbine(goes, 30.0, Phase::Ignition, 5000.0, 20.0)
+            .mark(goes + 0.01, Mark::Ignition)
+            .with(move |h| h.other_busy = Spans::from(&[(10 * SECOND, busy * SECOND)]))
+    };
+    let granted = |story: Story| !story.judged().rules().contains(&Rule::Granted);
+    assert!(granted(story(20.5, 20)) && !granted(story(22.0, 20)) && granted(story(22.0, 25)));
+    // Nobody starts: at once.
+    assert!(!granted(story(20.5, 11)) && granted(story(12.1, 11)));
+}
