@@ -180,7 +180,7 @@ const IN_HOURS: [&str; 26] = [
     "valves closed",
 ];
 /// And what takes a hundred of them.
-const IN_A_HUNDRED_HOURS: [&str; 12] = [
+const IN_A_HUNDRED_HOURS: [&str; 10] = [
     "CTF that has to be sent",
     "hand-overs to the PWM input",
     "pumps open for more than 1 s",
@@ -191,8 +191,6 @@ const IN_A_HUNDRED_HOURS: [&str; 12] = [
     "starts behind another engine's",
     "starts that have to go when they may",
     "take-overs",
-    "throttles of a governor whose shaft falls",
-    "throttles of a governor without speeds",
 ];
 
 /// A rule that judged nothing would find nothing.
