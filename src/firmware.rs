@@ -14,7 +14,7 @@
 //! | `log_outputs`, with outputs | thread mode | logs each change of an output and why |
 //! | `played_ecu`, with the feature `play-ecu` | interrupt, above the rest | plays an ECU on the last port |
 //! | `supply`, with a divider | thread mode | measures the supply voltage five times a second, logs it once |
-//! | `supervisor` | thread mode | feeds the watchdog while every engine's runner works |
+//! | `supervisor` | thread mode | feeds the watchdog, and notes that the start has not failed, while every engine's runner works |
 //!
 //! After a reset a running engine resumes, and any other stays in standby. Engines are commanded by MAVLink, by
 //! radio control, by the demonstration (feature `demo`) and by the trial (feature `trial`).
@@ -465,6 +465,7 @@ async fn supervisor(node: &'static Node<N>, mut watchdog: Watchdog) {
         }
         if stuck.is_empty() {
             watchdog.feed();
+            crate::outputs::note_life();
         }
     }
 }

@@ -106,11 +106,16 @@ pub async fn serve(node: &'static Node<N>, mut all: All) -> ! {
         for (engine, ((config, outputs), changes)) in configs.iter().zip(&all).zip(changes).enumerate() {
             SHARED.set(engine, config, outputs, changes.into_iter().flatten());
         }
-        // A valve that was closed for failed starts stays closed over further resets, until its engine is at rest.
-        if Instant::now() >= Instant::MIN + LIVED {
-            board::starts::has_lived(all.iter().map(Outputs::is_cut));
-        }
         ticker.next().await;
+    }
+}
+
+/// Call it while every engine's runner works, in thread mode, which takes the commands: a start that gets that far for long enough has
+/// not failed. A valve that was closed for failed starts stays closed over further resets, until its engine is at rest.
+#[expect(clippy::disallowed_methods, reason = "how long it lived")]
+pub fn note_life() {
+    if OUTPUTS.is_some() && Instant::now() >= Instant::MIN + LIVED {
+        board::starts::has_lived(SHARED.cut());
     }
 }
 

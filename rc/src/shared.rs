@@ -18,6 +18,7 @@ const HAS_VALVE: u8 = 1;
 const OPEN: u8 = 2;
 const HAS_POWER: u8 = 4;
 const ON: u8 = 8;
+const CUT: u8 = 16;
 
 /// Outputs of up to `N` engines.
 pub struct Shared<const N: usize> {
@@ -56,7 +57,8 @@ impl<const N: usize> Shared<N> {
         let bits = bit(config.valve.is_some(), HAS_VALVE)
             | bit(outputs.valve() == Valve::Open, OPEN)
             | bit(config.power.is_some(), HAS_POWER)
-            | bit(outputs.power(), ON);
+            | bit(outputs.power(), ON)
+            | bit(outputs.is_cut(), CUT);
         state.store(bits, Ordering::Relaxed);
         for change in changes {
             let has_pin = match change {
@@ -77,6 +79,11 @@ impl<const N: usize> Shared<N> {
     /// Whether starter and ignition of an engine have power; `None`: no output switches it.
     pub fn power_is_on(&self, engine: usize) -> Option<bool> {
         self.look(engine, HAS_POWER, ON)
+    }
+
+    /// Whether the valve of each engine is closed because the firmware failed in start after start.
+    pub fn cut(&self) -> impl Iterator<Item = bool> {
+        self.states.iter().map(|state| state.load(Ordering::Relaxed) & CUT != 0)
     }
 
     fn look(&self, engine: usize, has: u8, is: u8) -> Option<bool> {

@@ -1,6 +1,6 @@
 //! Fuel valves and the power of starters on their pins: start, standby, stop, and every kind of reset.
 
-use crate::support::{crash, on_each_board, symbol};
+use crate::support::{Task, crash, hijack_if_spawned, on_each_board, symbol};
 use emulation::pins::{Level, Pin};
 use emulation::receiver::{Position, Protocol, Receiver};
 use emulation::{Bench, Board, Image, Report, Run, engines};
@@ -285,6 +285,40 @@ fn valve_of_a_firmware_that_fails_at_each_start_is_closed_after_ten_seconds_of_i
         assert!(first > AGAIN + 9 * SECOND, "{first}");
         // Run is ordered all the time.
         assert_eq!(phases(&report), [Phase::Running; 2]);
+    });
+}
+
+/// Thread mode, which takes stops, hangs within 0.3 s of each start, and the tasks in interrupts work on: the watchdog bites a
+/// second after the start.
+#[test]
+fn valve_of_a_firmware_whose_thread_mode_hangs_at_each_start_is_closed_after_ten_seconds_of_it() {
+    on_each_board(|board| {
+        const FIRST: Nanos = 27 * SECOND;
+        const OVER: Nanos = FIRST + 12_600 * MILLIS;
+        const HANGS: usize = 13;
+        // `wfi`, and back to it, in place of a handler that nothing calls here.
+        let sleep = symbol(board, Image::Outputs, "DefaultHandler");
+        let mut run = flying(board).patch(sleep, vec![0xBF30, 0xE7FD]);
+        for at in (FIRST..OVER).step_by(100 * MILLIS as usize) {
+            run = run.at(at, move |bench| {
+                hijack_if_spawned(bench, board, Image::Outputs, Task::Supervisor, sleep);
+            });
+        }
+        let report = run.resets(HANGS).with_errors().until(OVER + 3 * SECOND).go();
+        let resets: Vec<Nanos> = report.resets.iter().map(|reset| reset.0).collect();
+        for pair in resets.windows(2) {
+            assert!((SECOND..1100 * MILLIS).contains(&(pair[1] - pair[0])), "{resets:?}");
+        }
+        let ends = resets[1..].iter().copied().chain([report.at]);
+        for ((hangs, reset), end) in (1..).zip(&resets).zip(ends) {
+            for valve in VALVES {
+                let level = if hangs < 10 { valve.on } else { valve.off() };
+                let driven = driven_after(&report, valve, *reset, level);
+                stays(&report, valve, level, driven..end);
+            }
+            let driven = driven_after(&report, POWER, *reset, POWER.on);
+            stays(&report, POWER, POWER.on, driven..end);
+        }
     });
 }
 

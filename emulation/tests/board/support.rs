@@ -142,6 +142,11 @@ pub enum Task {
 
 /// When this task runs next, it does what is at this address instead.
 pub fn hijack(bench: &mut Bench<'_>, board: &Board, image: Image, task: Task, code: u64) {
+    assert!(hijack_if_spawned(bench, board, image, task, code), "a task's code");
+}
+
+/// The same, where the task may not be spawned yet. Returns whether it is.
+pub fn hijack_if_spawned(bench: &mut Bench<'_>, board: &Board, image: Image, task: Task, code: u64) -> bool {
     let elf = image.read(board).expect("an image");
     let name = match task {
         Task::Supervisor => "10supervisor4POOL",
@@ -152,8 +157,11 @@ pub fn hijack(bench: &mut Bench<'_>, board: &Board, image: Image, task: Task, co
     let is_code =
         |word: &Option<u32>| word.is_some_and(|word| word & 1 == 1 && board.flash.contains(&word.into()));
     let header = (task..task + 64).step_by(4);
-    let at = header.into_iter().find(|&at| is_code(&bench.word(at))).expect("a task's code");
-    bench.set_word(at, code as u32 | 1);
+    let at = header.into_iter().find(|&at| is_code(&bench.word(at)));
+    at.is_some_and(|at| {
+        bench.set_word(at, code as u32 | 1);
+        true
+    })
 }
 
 /// The status LED of a board.
