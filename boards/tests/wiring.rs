@@ -123,7 +123,7 @@ impl Svg {
         self.rect((x - 8, y + 18), (16, 2 * ROW - 36));
         self.text(x + 16, y + ROW + 5, 15, "start", 1, "10 kΩ");
         self.rect((CONVERTER.0, y - 50), (CONVERTER.1 - CONVERTER.0, 3 * ROW + 90));
-        self.text(CONVERTER.0 + 16, y - 24, 17, "start", 1, "driver and relay, or latching relay");
+        self.text(CONVERTER.0 + 16, y - 24, 17, "start", 1, "driver and relay, not latching");
         let lines = ["driver: transistor for the coil", "a diode across the coil", "5 s delay at switch-off"];
         for (row, line) in lines.into_iter().enumerate() {
             self.text(CONVERTER.0 + 16, y + ROW * row as u32 + 24, 15, "start", 1, line);

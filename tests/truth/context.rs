@@ -11,7 +11,7 @@ use crate::judge::{Verdict, judge};
 use crate::pilots::{Habit, Pilot, Rng, View};
 use crate::radio::{Layout, Receiver, Transmitter};
 use crate::settings::Setup;
-use crate::valve::{Valve, Wiring};
+use crate::valve::Valve;
 use crate::wire::Reader;
 use jetlink::channel::Owner;
 use jetlink::command::Origin;
@@ -109,9 +109,6 @@ impl EngineContext {
         let seed = rng.next();
         let (mut context, halves) = Self::new(setup, seed, disturber);
         (context.pilots, context.next_swap) = (pilots, next_swap);
-        if seed & 1 == 0 {
-            context.valve = Valve::new(Wiring::Latching);
-        }
         // One in four has radio control: the source is its own then.
         if seed >> 1 & 3 == 0 {
             context.pilots.retain(|pilot| pilot.source != RC);
@@ -128,9 +125,6 @@ impl EngineContext {
         let seed = rng.next();
         let (mut context, halves) = Self::new(setup, seed, Disturber::idle());
         context.director = Some(director);
-        if seed & 1 == 0 {
-            context.valve = Valve::new(Wiring::Latching);
-        }
         (context, halves)
     }
 
@@ -157,7 +151,7 @@ impl EngineContext {
             next_swap: u64::MAX,
             script: Script::default(),
             director: None,
-            valve: Valve::new(Wiring::DelayOff),
+            valve: Valve::new(),
             transmitter: None,
             outputs_silent_until: 0,
             setup,

@@ -6,22 +6,12 @@ use jetlink::telemetry::Telemetry;
 use jetlink_rc::outputs::{Outputs, Valve as Wanted};
 use jetlink_rc::settings::OutputSettings;
 
-/// How the valve is held while its pin floats.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Wiring {
-    /// It stays as it was driven last.
-    Latching,
-    /// It closes 5 s after its pin was energised last.
-    DelayOff,
-}
-
-/// Delay of a relay at switch-off.
+/// Delay of the relay at switch-off: it holds the valve while its pin floats.
 const DELAY: u64 = 5 * SECOND;
 
 /// A valve, and what drives it.
 #[derive(Debug)]
 pub struct Valve {
-    wiring: Wiring,
     /// `None` without a node.
     outputs: Option<Outputs>,
     /// When it was energised last; `None`: never.
@@ -31,8 +21,8 @@ pub struct Valve {
 }
 
 impl Valve {
-    pub const fn new(wiring: Wiring) -> Self {
-        Self { wiring, outputs: None, energised: None, shut_since: Some(0) }
+    pub const fn new() -> Self {
+        Self { outputs: None, energised: None, shut_since: Some(0) }
     }
 
     /// The node begins.
@@ -78,12 +68,7 @@ impl Valve {
         if pin != before || history.pin.is_empty() {
             history.pin.push((at, pin));
         }
-        let shut = match (self.wiring, pin) {
-            (_, Pin::Open) => false,
-            (Wiring::Latching, Pin::Closed) => true,
-            (Wiring::Latching, Pin::Floats) => self.is_shut(),
-            (Wiring::DelayOff, _) => self.energised.is_none_or(|last| at >= last + DELAY),
-        };
+        let shut = pin != Pin::Open && self.energised.is_none_or(|last| at >= last + DELAY);
         match (shut, self.shut_since) {
             (true, None) => self.shut_since = Some(at),
             (false, Some(since)) => {
