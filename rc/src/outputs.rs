@@ -152,6 +152,8 @@ pub struct Outputs {
     power: bool,
     /// The firmware failed in repeated starts: the valve stays closed until the engine is at rest or is started again.
     cut: bool,
+    /// A run that is in force was found: no standby of this life came before it.
+    found: bool,
     /// The valve was opened for a service, in the standby that is still in force.
     for_service: bool,
     /// Time since which an order of standby has not been followed.
@@ -178,6 +180,7 @@ impl Outputs {
             valve: if runs && !has_failed { Valve::Open } else { Valve::Closed },
             power: powered,
             cut: runs && has_failed,
+            found: true,
             for_service: false,
             not_followed_since: None,
             least: None,
@@ -232,9 +235,15 @@ impl Outputs {
         let order = telemetry.ordered.order;
         let not_followed = self.not_followed(telemetry);
         self.for_service &= order == Order::Standby;
+        match order {
+            Order::Listen => self.found = true,
+            Order::Standby | Order::EmergencyStop => self.found = false,
+            Order::Run(_) | Order::Doubt(_) | Order::Pwm => {}
+        }
+        let is_started = !self.found && is_started(telemetry);
         // A flame that is out gets no fuel again until somebody starts the engine again.
         let stopped = matches!(order, Order::Standby | Order::EmergencyStop);
-        self.cut &= !(stopped && is_at_rest(telemetry) || is_started(telemetry));
+        self.cut &= !(stopped && is_at_rest(telemetry) || is_started);
         let closed = |why| Some((Valve::Closed, why));
         let open = |why| Some((Valve::Open, why));
         if telemetry.stop_latched {
@@ -245,8 +254,8 @@ impl Outputs {
         }
         match order {
             Order::EmergencyStop => closed(Why::StopLatched),
-            // A start that was found after a reset: what was cut meanwhile is not given to a hot engine again.
-            Order::Run(_) if telemetry.start_by.is_some() && !is_started(telemetry) => None,
+            // A start that was found after a reset: what was cut meanwhile is not given to a hot engine again, whoever takes it over.
+            Order::Run(_) if telemetry.start_by.is_some() && !is_started => None,
             // A run is in force only by a permitted start, or because the engine lives.
             Order::Run(_) | Order::Pwm => open(Why::Ordered),
             // Standby never opens it for an engine: what still turns is being shut down.
@@ -335,7 +344,7 @@ fn phase(telemetry: &Telemetry) -> Option<Phase> {
     telemetry.current(telemetry.report.phase).filter(|_| telemetry.link == LinkState::Up)
 }
 
-/// A start is under way that a source commands: the node itself starts none.
+/// A start is under way that a source commands: the node itself starts none. It may have been found.
 fn is_started(telemetry: &Telemetry) -> bool {
     let runs = matches!(telemetry.ordered.order, Order::Run(_));
     runs && telemetry.start_by.is_some() && telemetry.ordered.origin != Origin::Node

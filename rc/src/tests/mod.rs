@@ -1,6 +1,7 @@
 //! The inputs with every damage to their bytes; the pilot with whole engines behind it, in virtual time; the outputs.
 #![allow(clippy::disallowed_methods, reason = "a scenario keeps its own time")]
 
+mod amt;
 mod crsf;
 mod edges;
 mod engine;

@@ -137,16 +137,35 @@ fn permitted_service_opens_and_a_stop_closes_it() {
     assert_eq!(outputs.valve(), Valve::Open);
 }
 
-/// A reset in a start has closed it. Found again, the start gets no fuel: the engine is hot, and its flame may be out.
+/// A reset in a start has closed it. Found again, the start gets no fuel, whoever takes it over: the engine is hot, and its flame may be out.
 #[test]
 fn a_start_that_is_found_after_a_reset_gets_no_fuel_until_it_runs() {
-    let mut found = snapshot(RUN, Some(Phase::Starting), Some(30_000));
-    found.start_by = Some(T0 + Duration::from_secs(60));
-    assert_eq!(of(&found), OPENS, "by its source");
-    found.ordered.origin = Origin::Node;
-    assert_eq!(of(&found), STAYS, "found");
-    found.start_by = None;
-    assert_eq!(of(&found), OPENS, "it runs");
+    let standby = snapshot(Order::Standby, Some(Phase::Standby), Some(4000));
+    let stop = snapshot(Order::EmergencyStop, Some(Phase::Standby), Some(4000));
+    let listening = snapshot(Order::Listen, Some(Phase::Starting), Some(30_000));
+    let mut start = snapshot(RUN, Some(Phase::Starting), Some(30_000));
+    start.start_by = Some(T0 + Duration::from_secs(60));
+    let mut nobodys = start;
+    nobodys.ordered.origin = Origin::Node;
+    let mut runs = start;
+    runs.start_by = None;
+    let after = |row: &[Telemetry]| {
+        let mut outputs = outputs(Valve::Closed);
+        row.iter().for_each(|telemetry| {
+            outputs.update(telemetry);
+        });
+        outputs.valve()
+    };
+    for before in [standby, stop] {
+        assert_eq!(after(&[before, start]), Valve::Open, "out of standby");
+        assert_eq!(after(&[before, start, nobodys]), Valve::Open, "its source is lost");
+        assert_eq!(after(&[before, listening, nobodys, start]), Valve::Closed, "found");
+    }
+    assert_eq!(of(&nobodys), STAYS, "found");
+    assert_eq!(of(&start), STAYS, "found and taken over");
+    assert_eq!(after(&[listening, nobodys, start]), Valve::Closed, "found and taken over");
+    assert_eq!(after(&[nobodys, standby, start]), Valve::Open, "started anew");
+    assert_eq!(after(&[nobodys, start, runs]), Valve::Open, "it runs");
 }
 
 /// Time in ms until an open valve is closed by this snapshot, of 20 s.
@@ -314,9 +333,17 @@ fn a_valve_that_was_closed_for_failed_starts_stays_closed_until_the_engine_is_at
     let mut found = start;
     found.ordered.origin = Origin::Node;
     let without = snapshot(RUN, Some(Phase::Standby), Some(4900));
-    for (telemetry, valve) in [(start, Valve::Open), (found, Valve::Closed), (without, Valve::Closed)] {
+    let standby = snapshot(Order::Standby, Some(Phase::Standby), Some(4900));
+    let listening = snapshot(Order::Listen, Some(Phase::Starting), Some(4900));
+    for (before, telemetry, valve) in [
+        (standby, start, Valve::Open),
+        (standby, found, Valve::Closed),
+        (standby, without, Valve::Closed),
+        (listening, found, Valve::Closed),
+        (listening, start, Valve::Closed),
+    ] {
         let mut outputs = cut;
-        outputs.update(&snapshot(Order::Standby, Some(Phase::Standby), Some(4900)));
+        outputs.update(&before);
         assert!(outputs.is_cut());
         outputs.update(&telemetry);
         assert_eq!((outputs.valve(), outputs.is_cut()), (valve, valve == Valve::Closed), "{telemetry:?}");

@@ -1,0 +1,138 @@
+//! An AMT engine, which a node finds in its start after a reset, and which has no speed control.
+
+use crate::channels::{Channels, Pulse};
+use crate::outputs::{Outputs, Valve};
+use crate::pilot::Pilot;
+use crate::settings::{EngineSettings, OutputSettings};
+use embassy_futures::join::join;
+use embassy_futures::select::select;
+use embassy_time::{Duration, Instant, Timer};
+use jetlink::channel::{Channel, Handle};
+use jetlink::command::Origin;
+use jetlink::config::EngineConfig;
+use jetlink::ecu::amt::codec::EngineModel;
+use jetlink::engine::retained::{Reset, RetainedMemory};
+use jetlink::engine::state::EngineState;
+use jetlink::line::Line;
+use jetlink::runner::LineErrors;
+use sim::any::AnyConfig;
+use sim::clock;
+use sim::wire::{Plug, WireRx, WireTx};
+use std::cell::{Cell, RefCell};
+
+const ENGINE: EngineConfig = EngineConfig::amt("left", 0, Line::new(2400), Some(EngineModel::Olympus));
+const STOP: u16 = 1000;
+const STANDBY: u16 = 1500;
+const RUN: u16 = 2000;
+
+static ERRORS: LineErrors = LineErrors::new();
+
+/// A node with radio control, its stick at idle, and outputs.
+struct World<'a> {
+    handle: Handle<'a>,
+    switch: Cell<u16>,
+    pilot: RefCell<Pilot<'a>>,
+    outputs: RefCell<Outputs>,
+}
+
+impl World<'_> {
+    fn state(&self) -> EngineState {
+        self.handle.telemetry().state
+    }
+
+    fn valve(&self) -> Valve {
+        self.outputs.borrow().valve()
+    }
+
+    async fn until(&self, what: &str, seconds: u64, done: impl Fn() -> bool) {
+        let so = clock::until(Duration::from_secs(seconds), Duration::from_millis(5), done).await;
+        assert!(so, "not within {seconds} s: {what}, {:?}", self.handle.telemetry());
+    }
+
+    /// Armed, and the switch moved to run.
+    async fn command_start(&self) {
+        Timer::after_secs(3).await;
+        self.switch.set(STANDBY);
+        self.until("armed", 60, || self.handle.telemetry().armed).await;
+        self.until("standby", 60, || self.state() == EngineState::Standby).await;
+        Timer::after_secs(3).await;
+        self.switch.set(RUN);
+    }
+
+    async fn serve(&self) {
+        loop {
+            Timer::after_millis(14).await;
+            let mut pulses = [Pulse::CENTRE; 16];
+            (pulses[2], pulses[4]) = (Pulse::new(1100).unwrap(), Pulse::new(self.switch.get()).unwrap());
+            self.pilot.borrow_mut().frame(Instant::now(), &Channels::new(pulses.map(Some)));
+            self.outputs.borrow_mut().update(&self.handle.telemetry());
+        }
+    }
+}
+
+async fn life(
+    (memory, reset): (&'static RetainedMemory, Reset),
+    (rx, tx): (WireRx, WireTx),
+    settings: EngineSettings,
+    switch: u16,
+    scenario: impl AsyncFnOnce(&World<'_>),
+) {
+    let channel = Channel::new(&ENGINE, Some((memory, reset)));
+    let owner = channel.owner();
+    let record = memory.load(ENGINE.fingerprint(), reset);
+    let world = World {
+        handle: owner.handle(),
+        switch: Cell::new(switch),
+        pilot: RefCell::new(Pilot::new(owner.source(Origin::Rc).unwrap(), &ENGINE, settings).unwrap()),
+        outputs: RefCell::new(Outputs::new(OutputSettings::DEFAULT, record, false)),
+    };
+    let work = join(channel.runner().run(rx, tx, &ERRORS), world.serve());
+    select(work, scenario(&world)).await;
+}
+
+fn begin(scenario: impl AsyncFnOnce(&Plug<sim::any::AnyEcu>, (WireRx, WireTx))) {
+    clock::reset();
+    let line = sim::line::Line::n1(2400);
+    let ecu = AnyConfig::amt(sim::amt::EngineModel::Olympus).on(line).ecu();
+    let (rx, tx, plug) = sim::wire::connect(ecu, line, 1);
+    clock::run(select(plug.run(), scenario(&plug, (rx, tx))));
+}
+
+/// The reset closes the valve, and the engine turns on, hot. Radio control is at run all the while.
+#[test]
+fn radio_control_that_takes_over_a_start_that_was_found_opens_no_valve_before_the_engine_runs() {
+    begin(async |plug, halves| {
+        let memory = super::world::memory();
+        let settings = EngineSettings::DEFAULT;
+        life((memory, Reset::PowerLost), halves, settings, STOP, async |world| {
+            world.command_start().await;
+            world
+                .until("it turns", 60, || {
+                    let telemetry = world.handle.telemetry();
+                    let rpm = telemetry.report.rpm.is_some_and(|rpm| rpm.value.get() > 20_000);
+                    matches!(telemetry.state, EngineState::Starting(_)) && rpm
+                })
+                .await;
+            assert_eq!(world.valve(), Valve::Open);
+        })
+        .await;
+        life((memory, Reset::Warm), plug.reset_node(), settings, RUN, async |world| {
+            assert_eq!(world.valve(), Valve::Closed);
+            world
+                .until("taken over", 10, || {
+                    let telemetry = world.handle.telemetry();
+                    telemetry.ordered.origin == Origin::Rc && telemetry.start_by.is_some()
+                })
+                .await;
+            world
+                .until("open", 60, || {
+                    let open = world.valve() == Valve::Open;
+                    let telemetry = world.handle.telemetry();
+                    assert!(!open || telemetry.state == EngineState::Running, "{telemetry:?}");
+                    open
+                })
+                .await;
+        })
+        .await;
+    });
+}
