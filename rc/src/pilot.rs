@@ -481,6 +481,18 @@ impl<'a> Pilot<'a> {
         outcome
     }
 
+    /// Whether the ECU, or the governor, can follow this demand once the engine runs.
+    fn is_followed(&self, demand: Demand) -> bool {
+        let mut follows = true;
+        self.source.handle().start_refusals(demand, Origin::Rc, |why| {
+            follows &= !matches!(
+                why,
+                Rejected::NoSpeedControl | Rejected::NeedsVersion { .. } | Rejected::RpmNotKnown
+            );
+        });
+        follows
+    }
+
     /// The engine is ordered to standby.
     fn in_standby(
         &mut self,
@@ -508,8 +520,13 @@ impl<'a> Pilot<'a> {
                     return Outcome::SettingsDamaged;
                 }
                 if steady || self.waits {
-                    // A stick at idle is idle, whatever shaft speed it commands then: not every engine's idle speed is known.
-                    let start = if idle { Demand::Throttle(Throttle::IDLE) } else { demand };
+                    // A stick at idle is idle, whatever shaft speed it commands then: not every engine's idle speed is known. But that
+                    // speed is commanded next: a start that it would leave without a source is refused for it.
+                    let start = if idle && self.is_followed(demand) {
+                        Demand::Throttle(Throttle::IDLE)
+                    } else {
+                        demand
+                    };
                     let outcome = self.command(Command::Run(start));
                     self.waits = matches!(outcome, Outcome::Commanded(_, Ok(Accepted::StartWaits)));
                     if steady && matches!(outcome, Outcome::Commanded(_, Err(_))) {

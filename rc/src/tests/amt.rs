@@ -2,23 +2,25 @@
 
 use crate::channels::{Channels, Pulse};
 use crate::outputs::{Outputs, Valve};
-use crate::pilot::Pilot;
+use crate::pilot::{Outcome, Pilot};
 use crate::settings::{EngineSettings, OutputSettings};
 use embassy_futures::join::join;
 use embassy_futures::select::select;
 use embassy_time::{Duration, Instant, Timer};
 use jetlink::channel::{Channel, Handle};
-use jetlink::command::Origin;
+use jetlink::command::{Command, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::amt::codec::EngineModel;
 use jetlink::engine::retained::{Reset, RetainedMemory};
 use jetlink::engine::state::EngineState;
 use jetlink::line::Line;
 use jetlink::runner::LineErrors;
+use jetlink::units::Rpm;
 use sim::any::AnyConfig;
 use sim::clock;
 use sim::wire::{Plug, WireRx, WireTx};
 use std::cell::{Cell, RefCell};
+use std::vec::Vec;
 
 const ENGINE: EngineConfig = EngineConfig::amt("left", 0, Line::new(2400), Some(EngineModel::Olympus));
 const STOP: u16 = 1000;
@@ -33,6 +35,7 @@ struct World<'a> {
     switch: Cell<u16>,
     pilot: RefCell<Pilot<'a>>,
     outputs: RefCell<Outputs>,
+    outcomes: RefCell<Vec<Outcome>>,
 }
 
 impl World<'_> {
@@ -64,7 +67,8 @@ impl World<'_> {
             Timer::after_millis(14).await;
             let mut pulses = [Pulse::CENTRE; 16];
             (pulses[2], pulses[4]) = (Pulse::new(1100).unwrap(), Pulse::new(self.switch.get()).unwrap());
-            self.pilot.borrow_mut().frame(Instant::now(), &Channels::new(pulses.map(Some)));
+            let outcome = self.pilot.borrow_mut().frame(Instant::now(), &Channels::new(pulses.map(Some)));
+            self.outcomes.borrow_mut().push(outcome);
             self.outputs.borrow_mut().update(&self.handle.telemetry());
         }
     }
@@ -85,6 +89,7 @@ async fn life(
         switch: Cell::new(switch),
         pilot: RefCell::new(Pilot::new(owner.source(Origin::Rc).unwrap(), &ENGINE, settings).unwrap()),
         outputs: RefCell::new(Outputs::new(OutputSettings::DEFAULT, record, false)),
+        outcomes: RefCell::default(),
     };
     let work = join(channel.runner().run(rx, tx, &ERRORS), world.serve());
     select(work, scenario(&world)).await;
@@ -135,4 +140,28 @@ fn radio_control_that_takes_over_a_start_that_was_found_opens_no_valve_before_th
         })
         .await;
     });
+}
+
+/// A start with the stick at idle is a start with a throttle, and what follows would be refused: the engine would lose its source in mid-start.
+#[test]
+fn stick_that_commands_a_shaft_speed_starts_no_engine_whose_ecu_has_no_speed_control() {
+    let of = |rpm| Some(Rpm::new(rpm));
+    let rpm = EngineSettings { rpm_low: of(35_000), rpm_high: of(90_000), ..EngineSettings::DEFAULT };
+    for (settings, starts) in [(rpm, false), (EngineSettings::DEFAULT, true)] {
+        begin(async |plug, halves| {
+            let memory = super::world::memory();
+            life((memory, Reset::PowerLost), halves, settings, STOP, async |world| {
+                world.command_start().await;
+                Timer::after_secs(15).await;
+                let refused = world.outcomes.borrow().iter().any(|outcome| {
+                    matches!(outcome, Outcome::Commanded(Command::Run(_), Err(Rejected::NoSpeedControl)))
+                });
+                let is_standby = world.handle.telemetry().ordered.order == Order::Standby;
+                assert_eq!((refused, is_standby), (!starts, !starts));
+                assert_eq!(world.pilot.borrow().counters().starts_refused, u32::from(!starts));
+                assert_eq!(plug.ecu(|ecu| ecu.turbine().history().ignitions.len()), usize::from(starts));
+            })
+            .await;
+        });
+    }
 }
