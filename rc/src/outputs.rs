@@ -16,6 +16,10 @@ use jetlink::units::Celsius;
 const EGT_FALL: i16 = 200;
 /// Exhaust temperature at which an engine is cold.
 const COLD: Celsius = Celsius::from_tenths(1000);
+/// Below this the report of an exhaust is wrong.
+const COLDEST: Celsius = Celsius::from_tenths(-400);
+/// Time of reports of a cold engine until its starter is not needed any more.
+const COLD_FOR: Duration = Duration::from_secs(3);
 
 /// Fuel valve.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -160,6 +164,8 @@ pub struct Outputs {
     not_followed_since: Option<Instant>,
     /// Under an order of standby, an engine that turns.
     least: Option<Least>,
+    /// First of the reports in a row of an engine that is cold and at rest.
+    cold_since: Option<Instant>,
 }
 
 impl Outputs {
@@ -184,6 +190,7 @@ impl Outputs {
             for_service: false,
             not_followed_since: None,
             least: None,
+            cold_since: None,
         }
     }
 
@@ -222,7 +229,7 @@ impl Outputs {
             self.valve = valve;
         }
         let valve = decided.map(|(valve, why)| Change::Valve(valve, why));
-        let decided = decide_power(telemetry).filter(|(power, _)| *power != self.power);
+        let decided = self.decide_power(telemetry).filter(|(power, _)| *power != self.power);
         if let Some((power, _)) = decided {
             self.power = power;
         }
@@ -324,19 +331,30 @@ impl Outputs {
         let after = OBEY_GRACE.checked_add(self.settings.not_obeyed?)?;
         (telemetry.at.saturating_duration_since(since) >= after).then_some(Why::KeepsRunning)
     }
-}
 
-/// `None`: it stays as it is.
-fn decide_power(telemetry: &Telemetry) -> Option<(bool, Why)> {
-    let ordered = matches!(telemetry.ordered.order, Order::Run(_) | Order::Doubt(_) | Order::Pwm);
-    // Also after a reset that has lost what was armed: the starter cools a hot turbine.
-    let busy = matches!(phase(telemetry), Some(Phase::Starting | Phase::Running | Phase::Cooling));
-    match () {
-        () if telemetry.armed => Some((true, Why::Armed)),
-        () if ordered => Some((true, Why::Ordered)),
-        () if busy => Some((true, Why::Busy)),
-        () if is_cold_and_at_rest(telemetry) => Some((false, Why::Cold)),
-        () => None,
+    /// `None`: it stays as it is.
+    fn decide_power(&mut self, telemetry: &Telemetry) -> Option<(bool, Why)> {
+        let cold = self.has_been_cold(telemetry);
+        let ordered = matches!(telemetry.ordered.order, Order::Run(_) | Order::Doubt(_) | Order::Pwm);
+        // Also after a reset that has lost what was armed: the starter cools a hot turbine.
+        let busy = matches!(phase(telemetry), Some(Phase::Starting | Phase::Running | Phase::Cooling));
+        match () {
+            () if telemetry.armed => Some((true, Why::Armed)),
+            () if ordered => Some((true, Why::Ordered)),
+            () if busy => Some((true, Why::Busy)),
+            () if cold => Some((false, Why::Cold)),
+            () => None,
+        }
+    }
+
+    /// Whether the ECU has reported an engine that is cold and at rest for long enough: nothing gives the power back to one that is hot.
+    fn has_been_cold(&mut self, telemetry: &Telemetry) -> bool {
+        let Some(at) = cold_and_at_rest(telemetry) else {
+            self.cold_since = None;
+            return false;
+        };
+        // By the reports: a single one is none for longer, however long it counts.
+        at.saturating_duration_since(*self.cold_since.get_or_insert(at)) >= COLD_FOR
     }
 }
 
@@ -361,8 +379,9 @@ fn lives(telemetry: &Telemetry) -> bool {
     phase(telemetry) == Some(Phase::Running) && telemetry.shaft_turns() != Some(false)
 }
 
-fn is_cold_and_at_rest(telemetry: &Telemetry) -> bool {
+/// The time of the exhaust's report, where the ECU reports an engine that is cold and at rest.
+fn cold_and_at_rest(telemetry: &Telemetry) -> Option<Instant> {
     let at_rest = matches!(phase(telemetry), Some(Phase::Stopped | Phase::Standby));
-    let cold = telemetry.current(telemetry.report.egt).is_some_and(|egt| egt <= COLD);
-    at_rest && cold && telemetry.shaft_turns() != Some(true)
+    let egt = telemetry.report.egt.filter(|_| at_rest && telemetry.shaft_turns() != Some(true))?;
+    telemetry.current(Some(egt)).filter(|egt| (COLDEST..=COLD).contains(egt)).map(|_| egt.at)
 }

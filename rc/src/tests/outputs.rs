@@ -371,6 +371,8 @@ fn every_change_has_its_reason_and_nothing_else_is_a_change() {
     assert_eq!(reasons(&stop), [Change::Valve(Valve::Closed, Why::StopLatched)]);
     let mut cold = snapshot(Order::Standby, Some(Phase::Standby), Some(0));
     cold.report.egt = Some(Timed::new(Celsius::from_tenths(200), T0));
+    assert_eq!(reasons(&cold), []);
+    cold.report.egt = Some(Timed::new(Celsius::from_tenths(200), T0 + Duration::from_secs(3)));
     assert_eq!(reasons(&cold), [Change::Power(false, Why::Cold)]);
     let found = snapshot(Order::Listen, Some(Phase::Running), Some(50_000));
     assert_eq!(reasons(&found), [Change::Valve(Valve::Open, Why::Lives), Change::Power(true, Why::Busy)]);
@@ -465,7 +467,41 @@ fn power_is_on_from_armed_until_cold_and_at_rest() {
     (stopped.ordered.order, stopped.stop_latched) = (Order::EmergencyStop, true);
     egt(&mut stopped, 100);
     outputs.update(&stopped);
+    assert!(outputs.power(), "a single report");
+    stopped.at = T0 + Duration::from_secs(3);
+    outputs.update(&stopped);
+    assert!(outputs.power(), "the same report");
+    stopped.report.egt = Some(Timed::new(Celsius::from_tenths(1000), stopped.at));
+    outputs.update(&stopped);
     assert!(!outputs.power());
+}
+
+/// The starter cools a hot turbine: what takes its power away is never given back.
+#[test]
+fn odd_report_of_a_cold_exhaust_leaves_starter_and_ignition_their_power() {
+    // Ten reports a second, in °C: when the power goes off, in ms.
+    let off_after = |egt: &dyn Fn(u64) -> i16| {
+        let record = RetainedState::new(Order::EmergencyStop, Origin::Rc);
+        let mut outputs = Outputs::new(OutputSettings::DEFAULT, Some(record), false);
+        (0..1000_u64).map(|tenth| tenth * 100).find(|&ms| {
+            let mut telemetry = snapshot(Order::EmergencyStop, Some(Phase::Stopped), Some(0));
+            telemetry.at = T0 + Duration::from_millis(ms);
+            telemetry.report.phase = Some(Timed::new(Phase::Stopped, telemetry.at));
+            telemetry.report.rpm = Some(Timed::new(Rpm::new(0), telemetry.at));
+            telemetry.report.egt = Some(Timed::new(Celsius::from_tenths(egt(ms) * 10), telemetry.at));
+            outputs.update(&telemetry);
+            !outputs.power()
+        })
+    };
+    assert_eq!(off_after(&|_| 100), Some(3000));
+    assert_eq!(off_after(&|_| -40), Some(3000), "a winter's day");
+    for odd in [20, 100, -50] {
+        assert_eq!(off_after(&|ms| if ms == 5000 { odd } else { 600 }), None, "{odd} °C once");
+        assert_eq!(off_after(&|ms| if ms % 3000 < 2900 { odd } else { 600 }), None, "{odd} °C with breaks");
+    }
+    assert_eq!(off_after(&|_| -41), None, "no exhaust is that cold");
+    assert_eq!(off_after(&|_| 101), None);
+    assert_eq!(off_after(&|ms| if ms < 20_000 { 600 } else { 90 }), Some(23_000));
 }
 
 #[test]
