@@ -111,6 +111,7 @@ impl Sbus {
         let first = earlier(now, behind);
         if let Some(last) = self.last
             && first.saturating_duration_since(last) >= PAUSE
+            && !self.is_ended_by(bytes)
         {
             self.pause();
         }
@@ -130,6 +131,15 @@ impl Sbus {
             count(&mut self.counters.line_errors);
         }
         self.damaged = true;
+    }
+
+    /// Whether these bytes are what the frame that is being received lacks. A task that became late within a frame reads its rest at once,
+    /// and the pause of the line came behind it, not before.
+    fn is_ended_by(&self, bytes: &[u8]) -> bool {
+        let mut frame = self.frame.clone();
+        !frame.is_empty()
+            && frame.extend_from_slice(bytes).is_ok()
+            && <&[u8; FRAME_LEN]>::try_from(frame.as_slice()).is_ok_and(is_whole)
     }
 
     fn pause(&mut self) {
@@ -158,10 +168,9 @@ impl Sbus {
         // There is room: it is emptied when it is full.
         let _ = self.frame.push(byte);
         let frame: &[u8; FRAME_LEN] = self.frame.as_slice().try_into().ok()?;
-        let [_, packed @ .., flags, end] = frame;
+        let [_, packed @ .., flags, _] = frame;
         let (packed, flags): (&[u8; PACKED], u8) = (packed, *flags);
-        let good = (*end == 0 || end & 0xCF == 0x04) && flags & RESERVED == 0 && !self.damaged;
-        if !good {
+        if !is_whole(frame) || self.damaged {
             count(&mut self.counters.bad_frames);
             self.spoil();
             return None;
@@ -190,6 +199,12 @@ impl Sbus {
         }
         self.confirm.channels(now, pulses, &mut self.counters.too_fast)
     }
+}
+
+/// Whether its flags and its end are those of a frame.
+const fn is_whole(frame: &[u8; FRAME_LEN]) -> bool {
+    let [.., flags, end] = *frame;
+    (end == 0 || end & 0xCF == 0x04) && flags & RESERVED == 0
 }
 
 /// The time of a byte that `behind` others followed until `now`.

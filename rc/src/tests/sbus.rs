@@ -260,6 +260,48 @@ fn ends_of_sbus_2_are_good_and_all_others_are_not() {
     }
 }
 
+/// Frames of which a task reads the first bytes in time and the rest late, with the pause behind them.
+#[test]
+fn rest_of_a_frame_that_is_read_late_is_no_pause() {
+    for first in 1..25 {
+        for late in [0, 300, 400, 500, 1000, 5000] {
+            let mut input = Sbus::new();
+            let mut counts = 0;
+            for i in 0..60_u64 {
+                let frame = sbus(stick(1200 + i as u16 * 5), 0);
+                let begin = 1_000_000 + i * EVERY;
+                let late = if i % 3 == 2 { late } else { 0 };
+                let end = |bytes: usize| begin + bytes as u64 * BYTE;
+                for (at, bytes) in [(end(first), &frame[..first]), (end(25) + late, &frame[first..])] {
+                    let (taken, channels) = input.receive(Instant::from_micros(at), bytes);
+                    assert_eq!(taken, bytes.len());
+                    counts += u32::from(channels.is_some());
+                }
+            }
+            assert_eq!((counts, input.counters().truncated), (57, 0), "{first} bytes, {late} µs late");
+        }
+    }
+}
+
+/// A frame is cut, and of the next one as many bytes are read at once as it lacks: its end is none.
+#[test]
+fn rest_that_a_frame_lacks_does_not_end_it_unless_it_ends_like_one() {
+    for first in 1..25 {
+        let mut input = Sbus::new();
+        let frames = (0..8).map(|_| sbus(stick(1900), 0));
+        assert_eq!(play(&mut input, &timed(frames)).len(), 5, "three to count, and the first is none");
+        let frame = sbus(stick(1900), 0);
+        let begin = 1_000_000 + 8 * EVERY;
+        input.receive(Instant::from_micros(begin + first as u64 * BYTE), &frame[..first]);
+        // The next one, of which the last byte that is read is no end.
+        let next = &frame[..25 - first];
+        let (_, channels) = input.receive(Instant::from_micros(begin + EVERY), next);
+        let ends = matches!(next.last(), Some(0 | 0x04 | 0x14 | 0x24 | 0x34));
+        assert!(channels.is_none() || ends, "{first}");
+        assert_eq!(input.counters().truncated, u32::from(channels.is_none()), "{first}");
+    }
+}
+
 /// Random bytes at the full rate of the line for 100 s: what counts is counted here, so that a change shows.
 #[test]
 fn noise_is_silence() {
