@@ -101,7 +101,7 @@ fn code(board: &Board) -> String {
         line(format!("    {:?} {} {gpio} {number} {rx_gpio} {rx_number},", title(port), port.uart));
     }
     line("],".into());
-    line(format!("telemetry: {:?} {},", title(&board.telemetry), board.telemetry.uart));
+    line(format!("telemetry: {:?},", title(&board.telemetry)));
     line(format!("inverts: {},", board.chip.family.inverts()));
     let uarts = board.ports.iter().chain([&board.telemetry]);
     let uarts = uarts.map(|port| format!("{} {} {},", port.uart, port.rx, port.tx));

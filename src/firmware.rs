@@ -24,6 +24,7 @@ use crate::board::{self, EcuPort, Executor, Format, Led, Oscillator, PORTS, Watc
 use crate::mavlink::{Mavlink, Settings};
 use crate::outputs::SHARED;
 use crate::radio::Radio;
+use crate::wiring::FOR_USE;
 use embassy_sync::pubsub::WaitResult;
 use embassy_time::{Duration, Ticker, Timer};
 use jetlink::channel::Events;
@@ -32,12 +33,13 @@ use jetlink::engine::retained::Reset;
 use jetlink::event::LossStage;
 use jetlink::health::ClockSource;
 use jetlink::indication::{Indication, Pattern};
+use jetlink::line::Line;
 use jetlink::node::{Node, NodePlace};
 use jetlink::runner::Runner;
 use jetlink::telemetry::Telemetry;
 use jetlink::units::Millivolts;
 use jetlink::watch::RunnerWatch;
-use jetlink_fw::config::{ENGINES, OUTPUTS, RADIO, SUPPLY, TELEMETRY};
+use jetlink_fw::config::{ENGINES, OUTPUTS, RADIO, SUPPLY};
 use jetlink_rc::shared::Changes;
 use static_cell::{ConstStaticCell, StaticCell};
 // The sentences that MAVLink sends are in the image: the log takes the same, and not their formats for defmt beside them.
@@ -46,20 +48,10 @@ use defmt::Display2Format as Text;
 /// Number of engines of this node.
 const N: usize = ENGINES.len();
 
-/// Ports that an engine or a receiver may be on: with the feature play-ecu, all but the last.
-const FOR_USE: usize = PORTS.len() - cfg!(feature = "play-ecu") as usize;
-
-/// Format of each port that has an engine or a receiver. One on a port that the board lacks does not build.
-const FORMATS: [Option<Format>; PORTS.len()] = {
-    check_ports(&ENGINES, FOR_USE);
-    let mut formats = [None; PORTS.len()];
-    let mut i = 0;
-    while i < N {
-        formats[ENGINES[i].port as usize] = Some(Format::of_line(ENGINES[i].line));
-        i += 1;
-    }
-    if let Some(radio) = &RADIO {
-        if let Some(line) = radio.protocol.line() {
+/// The port of the receiver of radio control, and how it is opened. One on a port that the board lacks does not build.
+const RADIO_PORT: Option<(usize, Format)> = match &RADIO {
+    Some(radio) => match radio.protocol.line() {
+        Some(line) => {
             assert!(
                 (radio.port as usize) < FOR_USE,
                 "this board has no such port for the receiver of radio control"
@@ -68,24 +60,24 @@ const FORMATS: [Option<Format>; PORTS.len()] = {
                 !radio.inverted || board::INVERTS_RX,
                 "the receiver's line is inverted, and this chip's UARTs cannot invert it back"
             );
-            formats[radio.port as usize] = Some(Format::of_radio(line, radio.inverted));
-        } else {
-            assert!(board::pulses::OUTPUTS.is_some(), "this board has no inputs for servo pulses");
+            Some((radio.port as usize, Format::of_radio(line, radio.inverted)))
         }
-    }
-    #[cfg(feature = "play-ecu")]
-    {
-        formats[PORTS.len() - 1] = Some(Format::of_line(crate::play_ecu::LINE));
-    }
-    formats
+        None => {
+            assert!(board::pulses::OUTPUTS.is_some(), "this board has no inputs for servo pulses");
+            None
+        }
+    },
+    None => None,
 };
+
+const _: () = check_ports(&ENGINES, FOR_USE);
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
     board::guard::arm();
     let mut outputs = None;
     let restore = |cause: board::ResetCause| outputs = crate::outputs::restore(cause);
-    let mut board = board::init(const { board::plan(FORMATS) }, Format::of_line(TELEMETRY), restore);
+    let board = board::init(restore);
     defmt::info!(
         "jetlink {=str} on {=str}, last reset: {=istr}",
         env!("CARGO_PKG_VERSION"),
@@ -95,7 +87,6 @@ fn main() -> ! {
     if board.oscillator == Oscillator::Internal {
         defmt::error!("crystal not running, using the internal oscillator");
     }
-    log_ports();
     crate::outputs::buzz(false);
 
     #[cfg(all(feature = "selftest", feature = "stm32"))]
@@ -104,7 +95,10 @@ fn main() -> ! {
         board::selftest::count_cycles();
     }
 
-    let (node, service, radio) = build(board.reset_cause.retained(), board.oscillator, &mut outputs);
+    let Built { node, mavlink: service, radio, lines, telemetry } =
+        build(board.reset_cause.retained(), board.oscillator, &mut outputs);
+    // Which port has which format is known only now.
+    let telemetry = defmt::unwrap!(board::open(PORTS.len(), Format::of_line(telemetry)));
     // Building the node takes much more stack than the rest of the firmware, so the two are measured apart.
     let starting = board::stack::deepest();
     board::stack::paint();
@@ -119,18 +113,20 @@ fn main() -> ! {
         #[cfg(all(feature = "selftest", feature = "stm32"))]
         spawner.spawn(defmt::unwrap!(self_test(starting, board.oscillator)));
         #[cfg(feature = "count")]
-        let _telemetry = (service, board.telemetry);
+        let _telemetry = (service, telemetry);
         #[cfg(not(feature = "count"))]
         if let Some(service) = service {
             #[cfg(feature = "usb")]
             spawner.spawn(defmt::unwrap!(usb(service.runner, board.oscillator)));
-            spawner.spawn(defmt::unwrap!(mavlink(service, board.telemetry)));
+            spawner.spawn(defmt::unwrap!(mavlink(service, telemetry)));
         }
-        if let (Some(radio), Some(config)) = (radio, RADIO) {
+        if RADIO.is_some()
+            && let Some(radio) = radio
+        {
             spawner.spawn(defmt::unwrap!(reception(radio)));
-            match config.uart() {
-                Some(port) => {
-                    let port = defmt::unwrap!(board.ports[usize::from(port)].take());
+            match RADIO_PORT {
+                Some((port, format)) => {
+                    let port = defmt::unwrap!(board::open(port, format));
                     spawner.spawn(defmt::unwrap!(radio_control(radio, port)));
                 }
                 None => spawner.spawn(defmt::unwrap!(radio_pulses(radio))),
@@ -147,8 +143,8 @@ fn main() -> ! {
         spawner.spawn(defmt::unwrap!(count()));
 
         let engines = board::start_engine_executor();
-        for (config, runner) in ENGINES.iter().zip(node.runners()) {
-            let port = defmt::unwrap!(board.ports[usize::from(config.port)].take());
+        for ((port, line), runner) in lines.into_iter().zip(node.runners()) {
+            let port = defmt::unwrap!(board::open(port.into(), Format::of_line(line)));
             engines.spawn(defmt::unwrap!(engine(runner, port)));
         }
         if OUTPUTS.is_some()
@@ -160,10 +156,24 @@ fn main() -> ! {
             engines.spawn(defmt::unwrap!(drive_outputs(node, outputs)));
         }
         #[cfg(feature = "play-ecu")]
-        engines.spawn(defmt::unwrap!(played_ecu(defmt::unwrap!(board.ports[PORTS.len() - 1].take()))));
+        {
+            let format = Format::of_line(crate::play_ecu::LINE);
+            let port = defmt::unwrap!(board::open(PORTS.len() - 1, format));
+            engines.spawn(defmt::unwrap!(played_ecu(port)));
+        }
         // Last: from here on, an engine whose runner is stuck causes a reset.
         spawner.spawn(defmt::unwrap!(supervisor(node, board.watchdog)));
     })
+}
+
+/// What [`build`] has set up.
+struct Built {
+    node: &'static Node<N>,
+    mavlink: Option<Mavlink>,
+    radio: Option<&'static Radio>,
+    /// Port and line of each engine.
+    lines: [(u8, Line); N],
+    telemetry: Line,
 }
 
 /// Sets up all engines, MAVLink and radio control with the settings that are stored. Not inlined: the settings are on the stack until
@@ -173,9 +183,12 @@ fn build(
     reset: Reset,
     oscillator: Oscillator,
     outputs: &mut Option<crate::outputs::All>,
-) -> (&'static Node<N>, Option<Mavlink>, Option<&'static Radio>) {
+) -> Built {
     let mut settings = Settings::new();
     crate::mavlink::load(&mut settings);
+    let lines = settings.engines.each_ref().map(|engine| (engine.port, engine.line));
+    let telemetry = settings.telemetry();
+    log_ports(&settings.engines, telemetry);
     let node = node(&settings.engines, reset);
     node.set_clock(match oscillator {
         Oscillator::Crystal => ClockSource::Crystal,
@@ -188,8 +201,8 @@ fn build(
         crate::outputs::configure(outputs, &settings.attached.outputs);
     }
     // Not with `count`: its instructions would be counted, too.
-    let mavlink = (!cfg!(feature = "count")).then(|| crate::mavlink::build(node, settings, radio));
-    (node, mavlink, radio)
+    let mavlink = (!cfg!(feature = "count")).then(|| crate::mavlink::build(node, &mut settings, radio));
+    Built { node, mavlink, radio, lines, telemetry }
 }
 
 /// Sets up all engines. Not inlined: a channel is built on the stack, and `main` never returns its stack.
@@ -204,19 +217,19 @@ fn node(engines: &[EngineConfig; N], reset: Reset) -> &'static Node<N> {
 }
 
 /// Logs the use of each port.
-fn log_ports() {
+fn log_ports(engines: &[EngineConfig; N], telemetry: Line) {
     for (port, name) in PORTS.iter().enumerate() {
-        match ENGINES.iter().find(|engine| usize::from(engine.port) == port) {
+        match engines.iter().find(|engine| usize::from(engine.port) == port) {
             Some(engine) => {
                 defmt::info!("port {=usize}, {=str}: {=str}, {}", port, name, engine.name, engine.line)
             }
-            None if RADIO.and_then(|radio| radio.uart()).is_some_and(|radio| usize::from(radio) == port) => {
+            None if RADIO_PORT.is_some_and(|(radio, _)| radio == port) => {
                 defmt::info!("port {=usize}, {=str}: radio control", port, name)
             }
             None => defmt::info!("port {=usize}, {=str}: free", port, name),
         }
     }
-    defmt::info!("MAVLink: {=str}, {}", board::TELEMETRY_PORT, TELEMETRY);
+    defmt::info!("MAVLink: {=str}, {}", board::TELEMETRY_PORT, telemetry);
     for (engine, config) in ENGINES.iter().zip(OUTPUTS.iter().flatten()) {
         for (what, pin) in [("fuel valve", config.valve), ("starter and ignition", config.power)] {
             if let Some(pin) = pin

@@ -26,6 +26,8 @@ mod radio;
 mod trial;
 #[cfg(all(target_os = "none", feature = "usb"))]
 mod usb;
+#[cfg(target_os = "none")]
+mod wiring;
 
 #[cfg(not(target_os = "none"))]
 fn main() {

@@ -9,11 +9,15 @@ use crate::attached::{self, ANY, Choice, Chosen, With};
 use crate::board::settings::SETTINGS;
 use crate::board::{self, EcuPort, Storage};
 use crate::radio::Radio;
+use crate::wiring;
 use embassy_futures::block_on;
 use embassy_futures::select::{Either, select};
 use jetlink::command::Origin;
-use jetlink::config::{EngineConfig, validate};
+use jetlink::config::EngineConfig;
+use jetlink::line::Line;
 use jetlink::node::Node;
+use jetlink::units::BaudRate;
+use jetlink::wiring::Contradiction;
 use jetlink_fw::config::{ENGINES, TELEMETRY};
 use jetlink_mavlink::port::PortConfig;
 #[cfg(feature = "usb")]
@@ -21,7 +25,7 @@ use jetlink_mavlink::record::read_signing;
 use jetlink_mavlink::record::{apply_to_engine, apply_to_node, engine_of_attached};
 use jetlink_mavlink::retained_settings::fingerprint;
 use jetlink_mavlink::service::{EngineParts, Keeping, Request, Service};
-use jetlink_mavlink::settings::{EngineSettings, NodeSettings};
+use jetlink_mavlink::settings::{EngineSettings, Identity, NodeSettings};
 use jetlink_mavlink::signing::SigningState;
 use jetlink_mavlink::store::{AtRest, Found, KEYS};
 use static_cell::StaticCell;
@@ -60,6 +64,12 @@ pub struct Settings {
     /// Of each engine, with what is stored.
     pub engines: [EngineConfig; N],
     own: [EngineSettings; N],
+    /// What the engines are wired to from the next start on: as it is stored.
+    wiring: wiring::All,
+    /// What they were wired to before the reset, in flight: that stays.
+    in_flight: Option<wiring::All>,
+    /// The engine, from 0, that the stored wiring cannot have, and why.
+    contradiction: Option<(usize, Contradiction)>,
     /// Of radio control and outputs.
     pub attached: attached::Settings,
     /// Key and last time stamp.
@@ -73,11 +83,21 @@ pub struct Settings {
 
 impl Settings {
     /// As in `src/config.rs`, and none are stored.
-    pub const fn new() -> Self {
+    #[inline(never)]
+    pub fn new() -> Self {
         Self {
-            node: NodeSettings::DEFAULT,
+            node: NodeSettings {
+                identity: Identity {
+                    telemetry_baud: BaudRate::up_to(TELEMETRY.baud),
+                    ..NodeSettings::DEFAULT.identity
+                },
+                ..NodeSettings::DEFAULT
+            },
             engines: ENGINES,
             own: [EngineSettings::DEFAULT; N],
+            wiring: wiring::IMAGE,
+            in_flight: wiring::in_flight(),
+            contradiction: None,
             attached: attached::Settings::new(),
             #[cfg(feature = "usb")]
             signing: None,
@@ -87,7 +107,18 @@ impl Settings {
         }
     }
 
-    /// Takes a record.
+    /// Line of the telemetry port.
+    pub const fn telemetry(&self) -> Line {
+        Line { baud: self.node.identity.telemetry_baud.get(), ..TELEMETRY }
+    }
+
+    /// Wires the engines, before anything is known of their other settings.
+    fn wire(&mut self) {
+        let all = self.in_flight.as_ref().unwrap_or(&self.wiring);
+        self.contradiction = wiring::wire(&mut self.engines, all).err();
+    }
+
+    /// Takes a record. That of the node comes first.
     fn apply(&mut self, key: u8, record: &[u8]) {
         #[cfg(feature = "usb")]
         if let Some(stored) = read_signing(key, record) {
@@ -98,7 +129,8 @@ impl Settings {
             return self.attached.apply(engine, record);
         }
         let Some(engine) = usize::from(key).checked_sub(1) else {
-            return apply_to_node(&mut self.node, record);
+            apply_to_node(&mut self.node, &mut self.wiring, record);
+            return self.wire();
         };
         if let (Some(config), Some(own)) = (self.engines.get_mut(engine), self.own.get_mut(engine)) {
             apply_to_engine(config, own, record);
@@ -110,6 +142,7 @@ impl Settings {
 #[inline(never)]
 pub fn load(settings: &mut Settings) {
     static STORE: StaticCell<Store> = StaticCell::new();
+    settings.wire();
     let mut found = Found::Empty;
     let mut store = None;
     if let Some(storage) = board::storage() {
@@ -117,16 +150,14 @@ pub fn load(settings: &mut Settings) {
         let loaded = block_on(Store::load(storage, &AT_REST, &mut |key, record| settings.apply(key, record)));
         found = loaded.1;
         store = Some(STORE.init(loaded.0));
-        // Damaged: what is left of them may not be what anybody has chosen. Those that contradict each other are not, either.
-        if validate(&settings.engines).is_err() {
-            found = Found::Damaged;
-        }
     }
     let stores = store.is_some();
+    // Damaged: what is left of them may not be what anybody has chosen.
     if found == Found::Damaged || !stores {
         *settings = Settings::new();
+        settings.wire();
         settings.retained =
-            SETTINGS.load(fingerprint(&ENGINES), &mut |key, record| settings.apply(key, record));
+            SETTINGS.load(fingerprint(&ENGINES, &wiring::IMAGE), &mut |key, record| settings.apply(key, record));
     }
     match (found, settings.retained) {
         (Found::Whole, _) => defmt::info!("settings: loaded from storage"),
@@ -139,6 +170,10 @@ pub fn load(settings: &mut Settings) {
             defmt::error!("settings: DAMAGED, using the values retained over the reset")
         }
         (Found::Damaged, false) => defmt::error!("settings: DAMAGED, using defaults"),
+    }
+    if let Some((engine, why)) = settings.contradiction {
+        let engine = ENGINES[engine].name;
+        defmt::error!("{=str}: wiring as in the image, not as stored: {=str}", engine, why.message());
     }
     settings.store = store;
     settings.found = found;
@@ -156,28 +191,33 @@ pub struct Mavlink {
 /// Builds the service. Not inlined: it is built on the stack, and `main` never returns its stack.
 #[inline(never)]
 #[expect(clippy::disallowed_methods, reason = "the service begins now")]
-pub fn build(node: &'static Node<N>, settings: Settings, radio: Option<&'static Radio>) -> Mavlink {
+pub fn build(node: &'static Node<N>, settings: &mut Settings, radio: Option<&'static Radio>) -> Mavlink {
     static RUNNER: StaticCell<Runner> = StaticCell::new();
     #[cfg(feature = "usb")]
     let signing = signing(settings.signing.clone());
     #[cfg(not(feature = "usb"))]
     let signing = SigningState::NONE;
-    let Settings { node: of_node, engines, own, attached, store, found, retained, .. } = settings;
+    let line = settings.telemetry();
+    let store = settings.store.take();
+    let Settings { node: of_node, engines, own, wiring, contradiction, attached, found, retained, .. } =
+        settings;
+    let (found, retained) = (*found, *retained);
     let owners = node.owners().into_iter();
     let engines = owners.zip(engines).zip(own).map(|((owner, config), settings)| EngineParts {
         source: defmt::unwrap!(owner.source(Origin::Mavlink)),
         setup: owner.setup(),
-        config,
-        settings,
+        config: *config,
+        settings: *settings,
     });
     node.set_settings_damaged(found == Found::Damaged);
-    let ports = [PortConfig::uart(TELEMETRY.baud), PortConfig::usb()].into_iter().take(PORTS);
+    let ports = [PortConfig::uart(line.baud), PortConfig::usb()].into_iter().take(PORTS);
     let now = embassy_time::Instant::now();
     let runner = RUNNER.init_with(|| {
-        let attached = With::<ANY>::attach(radio, &attached);
-        let mut service = Service::with(now, of_node, signing, engines, ports, attached);
+        let attached = With::<ANY>::attach(radio, attached);
+        let mut service = Service::with(now, *of_node, signing, engines, ports, attached);
         service.set_keeping(if store.is_some() { Keeping::Stored } else { Keeping::Lost });
         service.set_damaged(found == Found::Damaged);
+        service.set_wiring(wiring, const { &wiring::IMAGE }, *contradiction);
         if retained && found == Found::Damaged {
             service.set_retained();
         }
@@ -217,7 +257,7 @@ pub async fn serve(mavlink: Mavlink, port: EcuPort) {
     let mut retain_at = embassy_time::Instant::MIN;
     // Number of settings that were set when those in RAM were stored last, and the id that was learnt.
     let mut retained = None;
-    let fingerprint = fingerprint(&ENGINES);
+    let fingerprint = fingerprint(&ENGINES, &wiring::IMAGE);
     let time = runner.keep_time(|_now, service| {
         let set = Some((service.counters().parameters_set, service.settings().identity.learnt));
         if !service.is_damaged() && retained != set {

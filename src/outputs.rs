@@ -1,6 +1,7 @@
 //! Fuel valves, and power of starters and ignitions, on pins of the board.
 
 use crate::board::{self, ResetCause};
+use crate::wiring;
 use core::array::from_fn;
 use embassy_sync::pubsub::WaitResult;
 use embassy_time::{Duration, Instant, Ticker};
@@ -62,11 +63,10 @@ fn restore_all(cause: ResetCause) -> All {
     let configs = defmt::unwrap!(OUTPUTS);
     let reset = cause.retained();
     let failed = board::starts::begin(cause);
+    // Name, port and protocol are what a record is known by. The settings are not read yet.
+    let wired = wiring::retained().unwrap_or(wiring::IMAGE);
     let all = from_fn(|engine| {
-        // Name, port and protocol are what a record is known by, and none of them is a parameter.
-        let config = ENGINES.get(engine);
-        let memory = config.and_then(|config| board::engines::RETAINED.0.get(usize::from(config.port)));
-        let record = memory.zip(config).and_then(|(memory, config)| memory.load(config.fingerprint(), reset));
+        let record = wiring::record(engine, &wired, reset);
         Outputs::new(configs[engine].settings, record, failed.close(engine))
     });
     drive(&all);

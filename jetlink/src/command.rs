@@ -3,7 +3,7 @@
 use crate::ecu::Service;
 use crate::limit::LimitKind;
 use crate::sentence::{names, sentences};
-use crate::units::{Celsius, Millivolts, Rpm, Throttle};
+use crate::units::{Celsius, Millivolts, Rpm, Signed, Throttle};
 
 /// Demand for a running engine.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -277,7 +277,7 @@ sentences!(Interlock {
     Self::PumpOpen => "the fuel pump is open and is being closed: command standby again";
     Self::OtherStarting => "wait until another engine of the group has started";
 } {
-    Self::TooHot(egt) => "the exhaust is at {} °C: let it cool in standby", i32::from(egt.tenths()) / 10;
+    Self::TooHot(egt) => "the exhaust is at {} °C: let it cool in standby", Signed(i32::from(egt.tenths()) / 10);
     Self::SupplyLow(supply) => "the supply has only {} mV: charge the battery", supply.get();
     Self::Limit(kind) => "a limit is violated: {}", kind;
 });

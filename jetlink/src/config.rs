@@ -8,10 +8,11 @@ use crate::ecu::amt::{self, codec::EngineModel};
 use crate::ecu::zk::{self, codec::Rate};
 use crate::ecu::{EcuConfig, Mistake};
 use crate::engine::config::Supervision;
-use crate::line::{self, Line, Timing};
+use crate::line::{Line, Timing};
 use crate::mistake::Sentence;
 use crate::sentence::sentences;
-use crate::setting::{Row, Setting, SettingError, SettingId};
+use crate::setting::{Row, Setting, SettingError, SettingId, find_parameter};
+use crate::units::BaudRate;
 
 /// One engine and its port.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -65,14 +66,27 @@ impl EngineConfig {
         Supervision::TABLE.into_iter().chain(self.ecu.settings()).flatten()
     }
 
-    /// The same table without its texts, as a firmware offers it as parameters.
+    /// The same table without its texts, as a firmware offers it as parameters ([`Row::is_parameter`]).
     pub fn rows(&self) -> impl Iterator<Item = &'static Row> + use<> {
         Supervision::TABLE_ROWS.into_iter().chain(self.ecu.rows()).flatten()
     }
 
+    /// The first parameter that is the one, in the order of [`EngineConfig::rows`].
+    pub fn find_parameter(&self, is_it: &mut dyn FnMut(&'static Row) -> bool) -> Option<&'static Row> {
+        let found = find_parameter(&Supervision::TABLE_ROWS, is_it);
+        if found.is_some() { found } else { find_parameter(&self.ecu.rows(), is_it) }
+    }
+
     /// The value of a setting; [`crate::setting::OFF`] where it is off.
     pub fn number(&self, name: &str) -> Option<i32> {
-        self.supervision.number(name).or_else(|| self.timing.own(name)).or_else(|| self.ecu.number(name))
+        let of_link = || self.timing.own::<true>(name).or_else(|| self.ecu.number::<true>(name));
+        self.supervision.number(name).or_else(of_link)
+    }
+
+    /// The value of a parameter, as [`EngineConfig::number`]. A firmware that looks at these alone holds nothing of other settings.
+    pub fn parameter(&self, name: &str) -> Option<i32> {
+        let of_link = || self.timing.own::<false>(name).or_else(|| self.ecu.number::<false>(name));
+        self.supervision.parameter(name).or_else(of_link)
     }
 
     /// Changes a setting. Its row says when it takes effect ([`Setting::effect`]).
@@ -90,9 +104,16 @@ impl EngineConfig {
     /// Changes a setting without a look at its range, for a number that its row ([`EngineConfig::rows`]) allows: one that its type
     /// cannot hold becomes the closest one. False: there is none of this name, or it belongs to something that is off.
     pub fn change(&mut self, name: &str, number: i32) -> bool {
-        self.timing.set_own(name, number)
-            || self.ecu.set(name, number)
+        self.timing.set_own::<true>(name, number)
+            || self.ecu.set::<true>(name, number)
             || self.supervision.change(name, number)
+    }
+
+    /// Changes a parameter whose row ([`EngineConfig::rows`]) allows this number. False: there is none of this name.
+    pub fn change_parameter(&mut self, name: &str, number: i32) -> bool {
+        self.timing.set_own::<false>(name, number)
+            || self.ecu.set::<false>(name, number)
+            || self.supervision.change_parameter(name, number)
     }
 }
 
@@ -166,7 +187,7 @@ impl ConfigError {
     /// A sentence without the row, for use in a constant.
     pub const fn message(self) -> &'static str {
         match self {
-            Self::BaudRate(_) => line::INVALID_BAUD_RATE,
+            Self::BaudRate(_) => BaudRate::INVALID,
             Self::SamePort(..) => "two engines on one port: give each its own",
             Self::Ecu(_, mistake) => mistake.message(),
             Self::Supervision(_, id) => Supervision::row(id).message,

@@ -67,7 +67,7 @@
 //! | [`ecu::amt::config`], [`ecu::zk::config`], [`ecu`] | settings and services of each ECU, and their common types |
 //! | [`limit`], [`command`], [`report`], [`event`] | commands, reports of an ECU, events |
 //! | [`link`], [`ecu::amt::link`], [`ecu::zk::link`], [`ecu::any`] | one protocol's conversation: reply window, cadence, loss |
-//! | [`engine`], [`config`], [`telemetry`] | one engine: sources, starts, lives, stages of loss, limits |
+//! | [`engine`], [`config`], [`wiring`], [`telemetry`] | one engine: sources, starts, lives, stages of loss, limits; its port, line and ECU as numbers |
 //! | [`channel`], [`runner`] | bytes and time between one engine and one UART; sources and handles |
 //! | [`node`], [`health`], [`watch`], [`indication`] | all engines of one board, and the board's health; which runners are stuck; what a status LED shows |
 //!
@@ -106,3 +106,4 @@ pub mod setting;
 pub mod telemetry;
 pub mod units;
 pub mod watch;
+pub mod wiring;

@@ -1,6 +1,7 @@
 //! Limits of an engine, and their violations.
 
 use crate::sentence::{names, sentences};
+use crate::units::Signed;
 use embassy_time::Instant;
 
 /// Action on a violated limit.
@@ -121,6 +122,6 @@ impl LimitKind {
 
 sentences!(LimitViolation {
 } {
-    Self { kind: LimitKind::EcuFault, value, .. } => "{}: {}", LimitKind::EcuFault, value;
-    Self { kind, value, limit, .. } => "{}: {}{}, limit {}{}", kind, value / kind.steps(), UnitOf(kind), limit / kind.steps(), UnitOf(kind);
+    Self { kind: LimitKind::EcuFault, value, .. } => "{}: {}", LimitKind::EcuFault, Signed(value);
+    Self { kind, value, limit, .. } => "{}: {}{}, limit {}{}", kind, Signed(value / kind.steps()), UnitOf(kind), Signed(limit / kind.steps()), UnitOf(kind);
 });

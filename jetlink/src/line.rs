@@ -2,6 +2,7 @@
 
 use crate::sentence::sentences;
 use crate::setting::{SettingId, settings};
+use crate::units::BaudRate;
 use embassy_time::Duration;
 
 /// Stop bits after each byte.
@@ -23,22 +24,10 @@ pub struct Line {
     pub stop_bits: StopBits,
 }
 
-/// The rates, and what an error says of another one.
-macro_rules! baud_rates {
-    ($first:literal $(, $rate:literal)* or $last:literal) => {
-        impl Line {
-            /// The rates that both documents print (ZK-12, AMT-1).
-            pub const BAUD_RATES: [u32; 7] = [$first $(, $rate)*, $last];
-        }
-
-        /// The text of an error for any other rate.
-        pub(crate) const INVALID_BAUD_RATE: &str =
-            concat!("invalid baud rate: use ", $first $(, ", ", $rate)*, " or ", $last);
-    };
-}
-baud_rates!(2400, 4800, 9600, 19_200, 38_400, 57_600 or 115_200);
-
 impl Line {
+    /// The rates that both documents print (ZK-12, AMT-1).
+    pub const BAUD_RATES: [u32; 7] = BaudRate::ALL;
+
     /// 8N1 at a baud rate.
     pub const fn new(baud: u32) -> Self {
         Self { baud, stop_bits: StopBits::One }
@@ -59,14 +48,7 @@ impl Line {
 
     /// Whether the baud rate is one of [`Line::BAUD_RATES`].
     pub const fn is_printed_rate(self) -> bool {
-        let mut i = 0;
-        while i < Self::BAUD_RATES.len() {
-            if Self::BAUD_RATES[i] == self.baud {
-                return true;
-            }
-            i += 1;
-        }
-        false
+        BaudRate::up_to(self.baud).get() == self.baud
     }
 
     /// Duration of `bytes` bytes sent back to back, rounded up to 1 µs.

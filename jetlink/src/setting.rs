@@ -5,6 +5,7 @@
 //! are made from. Every setting has a value as a whole number in its unit, so that one number can express any of them.
 
 use crate::sentence::sentences;
+use crate::units::BaudRate;
 
 /// Unit of a setting's number.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -37,12 +38,40 @@ pub enum Unit {
     Frames,
     /// A number as the ECU sends it.
     Raw,
+    /// Bits per second, one of [`BaudRate::ALL`].
+    Baud,
+    /// Status frames of a ZK ECU per second, one of [`Unit::STATUS_RATES`].
+    StatusRate,
     /// A plain number: an identifier or a choice.
     Number,
     /// 0 is no, 1 is yes.
     YesNo,
     /// 0 reports, 1 is the fail-safe throttle, 2 is standby.
     Action,
+}
+
+impl Unit {
+    /// The status rates of a ZK ECU (ZK-11).
+    pub const STATUS_RATES: [i32; 3] = [20, 50, 100];
+
+    /// What to use, where not every number within a range is a value.
+    pub const fn choices(self) -> Option<&'static str> {
+        match self {
+            Self::Baud => Some(BaudRate::CHOICES),
+            Self::StatusRate => Some("use 20, 50 or 100"),
+            _ => None,
+        }
+    }
+
+    /// Whether a number within the range is a value.
+    const fn has(self, number: i32) -> bool {
+        let [low, middle, high] = Self::STATUS_RATES;
+        match self {
+            Self::Baud => BaudRate::up_to(number as u32).get() == number as u32,
+            Self::StatusRate => number == low || number == middle || number == high,
+            _ => true,
+        }
+    }
 }
 
 /// The symbol of a kind's unit, as a literal.
@@ -105,6 +134,12 @@ macro_rules! symbol {
     };
     (pulse) => {
         "µs"
+    };
+    (baud) => {
+        "baud"
+    };
+    (status_rate) => {
+        "Hz"
     };
     (number) => {
         "as a number"
@@ -170,7 +205,7 @@ pub struct Setting {
 impl Setting {
     /// Whether this number is within the range.
     pub const fn allows(&self, value: i32) -> bool {
-        allows(value, self.min, self.max, self.may_be_off)
+        allows(value, self.min, self.max, self.may_be_off) && self.unit.has(value)
     }
 }
 
@@ -179,8 +214,10 @@ impl Setting {
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Row {
-    /// Name, as of its [`Setting`].
+    /// Name, as of its [`Setting`]; empty: it is no parameter ([`Setting::parameter`]).
     pub name: &'static str,
+    /// Unit of its number.
+    pub unit: Unit,
     /// Least value.
     pub min: i32,
     /// Greatest value.
@@ -189,36 +226,69 @@ pub struct Row {
     pub may_be_off: bool,
     /// When a new value takes effect.
     pub effect: Effect,
-    /// It is offered as a parameter, as of its [`Setting`].
-    pub parameter: bool,
 }
 
 impl Row {
+    /// Whether it is offered as a parameter.
+    pub const fn is_parameter(&self) -> bool {
+        !self.name.is_empty()
+    }
+
     /// Whether this number is within the range.
     pub const fn allows(&self, value: i32) -> bool {
-        allows(value, self.min, self.max, self.may_be_off)
+        allows(value, self.min, self.max, self.may_be_off) && self.unit.has(value)
     }
+}
+
+/// The first parameter in these tables that is the one. All that looks at tables of parameters does it here: each walk of its own is flash.
+#[inline(never)]
+pub fn find_parameter(
+    tables: &[&'static [Row]],
+    is_it: &mut dyn FnMut(&'static Row) -> bool,
+) -> Option<&'static Row> {
+    for rows in tables {
+        for row in *rows {
+            if row.is_parameter() && is_it(row) {
+                return Some(row);
+            }
+        }
+    }
+    None
 }
 
 /// The rows of a table.
 #[doc(hidden)]
 pub const fn rows<const N: usize>(settings: &[Setting]) -> [Row; N] {
-    let empty = Row { name: "", min: 0, max: 0, may_be_off: false, effect: Effect::AtOnce, parameter: true };
+    let empty = Row {
+        name: "",
+        unit: Unit::Number,
+        min: 0,
+        max: 0,
+        may_be_off: false,
+        effect: Effect::AtOnce,
+    };
     let mut rows = [empty; N];
     let mut i = 0;
     while i < N {
-        let Setting { name, min, max, may_be_off, effect, parameter, .. } = settings[i];
-        rows[i] = Row { name, min, max, may_be_off, effect, parameter };
+        let Setting { name, unit, min, max, may_be_off, effect, parameter, .. } = settings[i];
+        let name = if parameter { name } else { "" };
+        rows[i] = Row { name, unit, min, max, may_be_off, effect };
         i += 1;
     }
     rows
 }
 
-/// The place of a name. Names are compared here alone: an arm for each name is more code.
+/// The place of a parameter's name. Names are compared here alone: an arm for each name is more code.
 #[doc(hidden)]
 #[inline(never)]
 pub fn place_of(name: &str, rows: &[Row]) -> Option<usize> {
-    rows.iter().position(|row| row.name == name)
+    rows.iter().position(|row| row.name == name && row.is_parameter())
+}
+
+/// The place of any name.
+#[doc(hidden)]
+pub fn place_in(name: &str, names: &[&str]) -> Option<usize> {
+    names.iter().position(|other| *other == name)
 }
 
 /// The row of a name, for use in a constant.
@@ -264,14 +334,14 @@ macro_rules! column {
     };
 }
 
-/// Returns the expression in a place.
+/// Returns the expression in a place, if its condition is met. What is never met is not in an image.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! by_place {
-    ($place:ident, { $( $value:expr; )* }, $none:expr) => {{
+    ($place:ident, { $( $if:expr => $value:expr; )* }, $none:expr) => {{
         let mut of = 0;
         $(
-            if $place == of {
+            if $if && $place == of {
                 return $value;
             }
             of += 1;
@@ -333,6 +403,8 @@ impl core::error::Error for SettingError {}
 pub mod kind {
     #![allow(missing_docs, reason = "for the macro")]
     use super::OFF;
+    use crate::units::Throttle;
+    use embassy_time::Duration;
 
     /// A number that does not fit in 32 bits is out of every range.
     const fn clamp(value: u64) -> i32 {
@@ -340,6 +412,7 @@ pub mod kind {
     }
 
     /// The closest number of a range.
+    #[inline(never)]
     const fn within(value: i32, (least, most): (i32, i32)) -> i32 {
         if value < least {
             least
@@ -356,14 +429,34 @@ pub mod kind {
     const I16: (i32, i32) = (i16::MIN as i32, i16::MAX as i32);
     const PER_MILLE: (i32, i32) = (0, 1000);
 
+    // Many fields have these, and where they are inlined each is 20 bytes.
+
+    #[inline(never)]
+    const fn milliseconds(of: &Duration) -> i32 {
+        clamp(of.as_millis())
+    }
+
+    #[inline(never)]
+    const fn from_milliseconds(number: i32) -> Duration {
+        Duration::from_millis(within(number, U31) as u64)
+    }
+
+    #[inline(never)]
+    const fn throttle_of(tenths: i32) -> Throttle {
+        match Throttle::from_tenths(within(tenths, PER_MILLE) as u16) {
+            Ok(throttle) => throttle,
+            Err(_) => Throttle::IDLE,
+        }
+    }
+
     macro_rules! kind {
         ($name:ident, $type:ty, $unit:ident, |$of:ident| $number:expr, |$value:ident| $make:expr) => {
             #[allow(dead_code, reason = "some kinds occur only inside an optional one")]
             pub mod $name {
                 #[allow(unused_imports, reason = "not every kind needs all of them")]
-                use super::{I16, OFF, PER_MILLE, U8, U16, U31, clamp, within};
+                use super::{I16, OFF, U8, U16, U31, clamp, from_milliseconds, milliseconds, throttle_of, within};
                 #[allow(unused_imports, reason = "not every kind needs all of them")]
-                use crate::units::{Celsius, Millivolts, Rpm, Throttle};
+                use crate::units::{BaudRate, Celsius, Millivolts, Rpm, Throttle};
                 #[allow(unused_imports, reason = "not every kind needs all of them")]
                 use embassy_time::Duration;
 
@@ -410,19 +503,11 @@ pub mod kind {
         };
     }
 
-    kind!(ms, Duration, Milliseconds, |of| clamp(of.as_millis()), |v| Duration::from_millis(
-        within(v, U31) as u64
-    ));
+    kind!(ms, Duration, Milliseconds, |of| milliseconds(of), |v| from_milliseconds(v));
     kind!(us, Duration, Microseconds, |of| clamp(of.as_micros()), |v| Duration::from_micros(
         within(v, U31) as u64
     ));
-    kind!(throttle, Throttle, PerMille, |of| of.tenths() as i32, |v| match Throttle::from_tenths(within(
-        v, PER_MILLE
-    ) as u16)
-    {
-        Ok(throttle) => throttle,
-        Err(_) => Throttle::IDLE,
-    });
+    kind!(throttle, Throttle, PerMille, |of| of.tenths() as i32, |v| throttle_of(v));
     kind!(rate, u16, PerMillePerSecond, |of| *of as i32, |v| within(v, U16) as u16);
     kind!(share, u16, PerMille, |of| *of as i32, |v| within(v, U16) as u16);
     kind!(gain, u16, Gain, |of| *of as i32, |v| within(v, U16) as u16);
@@ -439,6 +524,8 @@ pub mod kind {
     kind!(frames, u8, Frames, |of| *of as i32, |v| within(v, U8) as u8);
     kind!(raw, u8, Raw, |of| *of as i32, |v| within(v, U8) as u8);
     kind!(pulse, u16, Microseconds, |of| *of as i32, |v| within(v, U16) as u16);
+    kind!(baud, BaudRate, Baud, |of| of.get() as i32, |v| BaudRate::up_to(within(v, U31) as u32));
+    kind!(status_rate, u8, StatusRate, |of| *of as i32, |v| within(v, U8) as u8);
     kind!(number, u8, Number, |of| *of as i32, |v| within(v, U8) as u8);
     kind!(yes_no, bool, YesNo, |of| *of as i32, |v| v != 0);
     kind!(action, crate::limit::Action, Action, |of| *of as i32, |v| match v {
@@ -540,14 +627,18 @@ macro_rules! settings {
             /// The rows of the table of settings without their texts.
             pub const ROWS: &'static [$crate::setting::Row] = &[ $(
                 $crate::setting::Row {
-                    name: $name,
+                    name: if $crate::column!(parameter $($column)*) { $name } else { "" },
+                    unit: $crate::setting::kind::$kind::UNIT,
                     min: $min,
                     max: $max,
                     may_be_off: $crate::setting::kind::$kind::MAY_BE_OFF,
                     effect: $crate::column!(effect $effect $($column)*),
-                    parameter: $crate::column!(parameter $($column)*),
                 },
             )* ];
+
+            /// The names of all of them.
+            #[allow(dead_code, reason = "some are looked up as parameters only")]
+            const NAMES: &'static [&'static str] = &[$($name),*];
 
             /// Number of the structs of settings in this one.
             #[allow(dead_code, reason = "most have none")]
@@ -559,14 +650,14 @@ macro_rules! settings {
             /// The number of the one in this place of the rows.
             const fn number_at(&self, place: usize) -> i32 {
                 $crate::setting::by_place!(place, {
-                    $( $crate::setting::kind::$kind::number(&self.$field); )*
+                    $( true => $crate::setting::kind::$kind::number(&self.$field); )*
                 }, $crate::setting::OFF)
             }
 
-            /// Changes the one in this place of the rows; the range has been checked.
-            fn set_at(&mut self, place: usize, value: i32) -> bool {
+            /// Changes the one in this place of the rows, of all or of parameters; the range has been checked.
+            fn set_at<const ALL: bool>(&mut self, place: usize, value: i32) -> bool {
                 $crate::setting::by_place!(place, {
-                    $( { self.$field = $crate::setting::kind::$kind::make(value); true }; )*
+                    $( ALL || $crate::column!(parameter $($column)*) => { self.$field = $crate::setting::kind::$kind::make(value); true }; )*
                 }, false)
             }
         }
@@ -589,14 +680,23 @@ macro_rules! settings {
                 Ok(())
             }
 
-            /// The number of one of these.
-            pub(crate) fn own(&self, name: &str) -> Option<i32> {
-                $crate::setting::place_of(name, Self::ROWS).map(|place| self.number_at(place))
+            /// The place of the name of one of these, or of a parameter among them.
+            fn place<const ALL: bool>(name: &str) -> Option<usize> {
+                if ALL {
+                    $crate::setting::place_in(name, Self::NAMES)
+                } else {
+                    $crate::setting::place_of(name, Self::ROWS)
+                }
             }
 
-            /// Changes one of these; the range has been checked. False if it is not one of these.
-            pub(crate) fn set_own(&mut self, name: &str, value: i32) -> bool {
-                $crate::setting::place_of(name, Self::ROWS).is_some_and(|place| self.set_at(place, value))
+            /// The number of one of these: of all, or of parameters.
+            pub(crate) fn own<const ALL: bool>(&self, name: &str) -> Option<i32> {
+                Self::place::<ALL>(name).map(|place| self.number_at(place))
+            }
+
+            /// Changes one of these, of all or of parameters; the range has been checked. False if it is not one of these.
+            pub(crate) fn set_own<const ALL: bool>(&mut self, name: &str, value: i32) -> bool {
+                Self::place::<ALL>(name).is_some_and(|place| self.set_at::<ALL>(place, value))
             }
         }
     };

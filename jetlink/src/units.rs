@@ -46,6 +46,76 @@ macro_rules! quantity {
     };
 }
 
+/// A number with a sign in a sentence: an image then has the code for numbers without one, which sentences need anyway, and a dash.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Signed(pub i32);
+
+#[cfg(feature = "defmt")]
+impl defmt::Format for Signed {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        defmt::write!(f, "{=i32}", self.0);
+    }
+}
+
+impl core::fmt::Display for Signed {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        if self.0 < 0 {
+            f.write_str("-")?;
+        }
+        self.0.unsigned_abs().fmt(f)
+    }
+}
+
+/// The rates, and what an error says of another one.
+macro_rules! baud_rates {
+    ($first:literal $(, $rate:literal)* or $last:literal) => {
+        impl BaudRate {
+            /// The rates that both documents print (ZK-12, AMT-1).
+            pub const ALL: [u32; 7] = [$first $(, $rate)*, $last];
+
+            /// All of them, in words.
+            pub const CHOICES: &str = concat!("use ", $first $(, ", ", $rate)*, " or ", $last);
+
+            /// The text of an error for any other rate.
+            pub(crate) const INVALID: &str =
+                concat!("invalid baud rate: use ", $first $(, ", ", $rate)*, " or ", $last);
+        }
+    };
+}
+
+/// One of the baud rates that both documents print ([`BaudRate::ALL`]), as its place.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct BaudRate(u8);
+
+baud_rates!(2400, 4800, 9600, 19_200, 38_400, 57_600 or 115_200);
+
+impl BaudRate {
+    /// The highest one that is not above this number; the lowest one where all are.
+    pub const fn up_to(baud: u32) -> Self {
+        let mut place = Self::ALL.len() - 1;
+        while place > 0 && Self::ALL[place] > baud {
+            place -= 1;
+        }
+        Self(place as u8)
+    }
+
+    /// By its place, from 0.
+    pub const fn at(place: u8) -> Option<Self> {
+        if (place as usize) < Self::ALL.len() { Some(Self(place)) } else { None }
+    }
+
+    /// Its place.
+    pub const fn place(self) -> u8 {
+        self.0
+    }
+
+    /// Bits per second.
+    pub const fn get(self) -> u32 {
+        Self::ALL[self.0 as usize]
+    }
+}
+
 quantity!(
     /// Shaft speed in revolutions per minute.
     Rpm(u32), new, get, "revolutions a minute"

@@ -9,6 +9,7 @@ use heapless::Vec;
 use jetlink::checksum::Checksum;
 use jetlink::config::EngineConfig;
 use jetlink::setting::Row;
+use jetlink::wiring::Wiring;
 
 /// A record.
 pub type Record = Vec<u8, RECORD>;
@@ -68,40 +69,63 @@ fn kind(config: &EngineConfig) -> u8 {
     config.ecu.protocol_number()
 }
 
+/// Digest of the wiring of an engine, from 0, in the record of the node: one number has all of it, so that there is space.
+pub(crate) fn hash_of_wiring(engine: usize) -> u16 {
+    Checksum::new().bytes(b"wiring").words(&[engine as u32]).value() as u16
+}
+
+fn push(record: &mut Record, hash: u16, value: i32) {
+    // There is space for 40 and the kind; a test.
+    let _ = record.extend_from_slice(&hash.to_le_bytes());
+    let _ = record.extend_from_slice(&value.to_le_bytes());
+}
+
 fn write(kind: u8, table: Table<'_>, value: &dyn Fn(&str) -> Option<i32>) -> Record {
     let mut record = Record::new();
-    // There is space for 40 parameters and the kind; a test.
+    // There is space.
     let _ = record.push(kind);
     find_row(table, &mut |row| {
         if let Some(value) = value(row.name) {
-            let _ = record.extend_from_slice(&hash(row.name).to_le_bytes());
-            let _ = record.extend_from_slice(&value.to_le_bytes());
+            push(&mut record, hash(row.name), value);
         }
         false
     });
     record
 }
 
-/// The values of a record that fit the rows. What is not known any more, or out of its range now, is left out.
-fn read(kind: u8, record: &[u8], table: Table<'_>) -> impl Iterator<Item = (&'static str, i32)> {
+/// Digests and values of a record of this kind.
+fn values(kind: u8, record: &[u8]) -> impl Iterator<Item = (u16, i32)> {
     let values = match record.split_first() {
         Some((&found, values)) if found == kind => values,
         _ => &[],
     };
     let (values, _) = values.as_chunks();
-    values.iter().filter_map(move |&[h0, h1, v0, v1, v2, v3]| {
-        let value = i32::from_le_bytes([v0, v1, v2, v3]);
-        let row = find_row(table, &mut |row| hash(row.name) == u16::from_le_bytes([h0, h1]))?;
+    values.iter().map(|&[h0, h1, v0, v1, v2, v3]| {
+        (u16::from_le_bytes([h0, h1]), i32::from_le_bytes([v0, v1, v2, v3]))
+    })
+}
+
+/// The values of a record that fit the rows. What is not known any more, or out of its range now, is left out.
+fn read(kind: u8, record: &[u8], table: Table<'_>) -> impl Iterator<Item = (&'static str, i32)> {
+    values(kind, record).filter_map(move |(of, value)| {
+        let row = find_row(table, &mut |row| hash(row.name) == of)?;
         row.allows(value).then_some((row.name, value))
     })
 }
 
-/// The record of the node; of `changes`, what differs from its defaults.
-pub(crate) fn of_node(settings: &NodeSettings, changes: bool) -> Record {
-    write(NODE, Table::Node, &|name| {
+/// The record of the node; of `changes`, what differs from its defaults. Of the wiring of engines always what differs from that of the image:
+/// where nobody has set it, another image has its own.
+pub(crate) fn of_node(settings: &NodeSettings, changes: bool, wiring: &[Wiring], image: &[Wiring]) -> Record {
+    let mut record = write(NODE, Table::Node, &|name| {
         let value = settings.number(name);
         value.filter(|_| !changes || NodeSettings::DEFAULT.number(name) != value)
-    })
+    });
+    for (engine, (wiring, image)) in wiring.iter().zip(image).enumerate() {
+        if wiring != image {
+            push(&mut record, hash_of_wiring(engine), wiring.packed() as i32);
+        }
+    }
+    record
 }
 
 /// The record of an engine; with a default, what differs from it and from the defaults of MAVLink.
@@ -111,7 +135,7 @@ pub(crate) fn of_engine(
     default: Option<&EngineConfig>,
 ) -> Record {
     write(kind(config), Table::Engine(config), &|name| {
-        let of = |config: &EngineConfig, own: &EngineSettings| config.number(name).or_else(|| own.own(name));
+        let of = |config: &EngineConfig, own: &EngineSettings| config.parameter(name).or_else(|| own.own::<false>(name));
         let value = of(config, settings);
         value.filter(|_| default.is_none_or(|default| of(default, &EngineSettings::DEFAULT) != value))
     })
@@ -130,10 +154,17 @@ pub fn read_attached(
     read(ATTACHED, record, Table::Attached(rows))
 }
 
-/// Takes the settings of the node from its record.
-pub fn apply_to_node(settings: &mut NodeSettings, record: &[u8]) {
+/// Takes the settings of the node, and what is stored of the wiring of its engines, from its record.
+pub fn apply_to_node(settings: &mut NodeSettings, wiring: &mut [Wiring], record: &[u8]) {
     for (name, value) in read(NODE, record, Table::Node) {
         settings.set(name, value);
+    }
+    for (hash, value) in values(NODE, record) {
+        let mut all = wiring.iter_mut().enumerate();
+        let own = all.find(|(engine, _)| hash_of_wiring(*engine) == hash);
+        if let (Some((_, wiring)), Some(stored)) = (own, Wiring::unpacked(value as u32)) {
+            *wiring = stored;
+        }
     }
 }
 
@@ -141,9 +172,9 @@ pub fn apply_to_node(settings: &mut NodeSettings, record: &[u8]) {
 pub fn apply_to_engine(config: &mut EngineConfig, settings: &mut EngineSettings, record: &[u8]) {
     let (mut new, mut own) = (*config, *settings);
     for (name, value) in read(kind(config), record, Table::Engine(config)) {
-        if !own.set_own(name, value) {
+        if !own.set_own::<false>(name, value) {
             // Its name and its range have been checked.
-            let _ = new.change(name, value);
+            let _ = new.change_parameter(name, value);
         }
     }
     if jetlink::config::validate(&[new]).is_ok() {

@@ -6,18 +6,18 @@ use core::sync::atomic::{AtomicU8, Ordering};
 use heapless::Vec;
 use jetlink::checksum::Checksum;
 use jetlink::config::EngineConfig;
+use jetlink::wiring::Wiring;
 
 /// The checksum is in front.
 const HEAD: usize = 4;
 
 /// What the settings of an image are without a change, as a number: in another image the changes are other ones.
 #[inline(never)]
-pub fn fingerprint(engines: &[EngineConfig]) -> u32 {
-    let node = Checksum::new().bytes(&of_node(&NodeSettings::DEFAULT, false));
-    engines
-        .iter()
-        .fold(node, |sum, engine| sum.bytes(&of_engine(engine, &EngineSettings::DEFAULT, None)))
-        .value()
+pub fn fingerprint(engines: &[EngineConfig], wiring: &[Wiring]) -> u32 {
+    let node = Checksum::new().bytes(&of_node(&NodeSettings::DEFAULT, false, &[], &[]));
+    let engines =
+        engines.iter().fold(node, |sum, engine| sum.bytes(&of_engine(engine, &EngineSettings::DEFAULT, None)));
+    wiring.iter().fold(engines, |sum, wiring| sum.words(&[wiring.packed()])).value()
 }
 
 /// The memory: checksum, then each record behind its key and its length. Every content is valid, so that start-up need not initialise it;
@@ -105,20 +105,20 @@ mod tests {
         let mut node = NodeSettings::DEFAULT;
         assert!(node.set("MAV_SYSID_LEARN", 7) && node.set("MAV_GCS_2", 250));
         let mut config = ENGINES[1];
-        assert!(config.change("LOSS_HOLD", 500));
+        assert!(config.change_parameter("LOSS_HOLD", 500));
         (node, config, EngineSettings { output, reversed: true, ..EngineSettings::DEFAULT })
     }
 
     fn store<const BYTES: usize>(memory: &SettingsMemory<BYTES>, output: u8) {
         let (node, config, own) = changed(output);
         let records = [
-            (0, of_node(&node, true)),
+            (0, of_node(&node, true, &[], &[])),
             (1, of_engine(&ENGINES[0], &EngineSettings::DEFAULT, Some(&ENGINES[0]))),
             (2, of_engine(&config, &own, Some(&ENGINES[1]))),
         ];
         // Nothing but what differs, behind the kind.
         assert_eq!(records.each_ref().map(|(_, record)| record.len()), [1 + 2 * 6, 1, 1 + 3 * 6]);
-        memory.store(fingerprint(&ENGINES), records.into_iter());
+        memory.store(fingerprint(&ENGINES, &[]), records.into_iter());
     }
 
     /// The settings that a node starts with that has this memory; `None`: it has none.
@@ -128,11 +128,11 @@ mod tests {
     ) -> Option<(NodeSettings, EngineConfig, EngineSettings)> {
         let (mut node, mut config, mut own) = (NodeSettings::DEFAULT, ENGINES[1], EngineSettings::DEFAULT);
         let mut each = |key, record: &[u8]| match key {
-            0 => apply_to_node(&mut node, record),
+            0 => apply_to_node(&mut node, &mut [], record),
             2 => apply_to_engine(&mut config, &mut own, record),
             _ => panic!("the first engine has no changes"),
         };
-        memory.load(fingerprint(engines), &mut each).then_some((node, config, own))
+        memory.load(fingerprint(engines, &[]), &mut each).then_some((node, config, own))
     }
 
     #[test]
@@ -142,7 +142,7 @@ mod tests {
         store(&memory, 9);
         assert_eq!(found(&memory, &ENGINES), Some(changed(9)));
         let mut other = ENGINES;
-        assert!(other[0].change("LOSS_HOLD", 2000));
+        assert!(other[0].change_parameter("LOSS_HOLD", 2000));
         assert_eq!(found(&memory, &other), None);
         store(&memory, 10);
         assert_eq!(found(&memory, &ENGINES), Some(changed(10)));
@@ -158,7 +158,7 @@ mod tests {
         let memory = SettingsMemory::<64>::new();
         store(&memory, 9);
         let whole = of_engine(&ENGINES[0], &EngineSettings::DEFAULT, None);
-        memory.store(fingerprint(&ENGINES), [(1, whole)].into_iter());
+        memory.store(fingerprint(&ENGINES, &[]), [(1, whole)].into_iter());
         assert_eq!(found(&memory, &ENGINES), None, "the earlier ones no longer apply");
     }
 

@@ -1,7 +1,8 @@
 //! Settings of MAVLink: of the node, and of each engine beside those of its supervision. All are parameters.
 
 use jetlink::config::EngineConfig;
-use jetlink::setting::{Row, settings};
+use jetlink::setting::{Row, find_parameter, settings};
+use jetlink::wiring::Wiring;
 
 settings! {
     /// Settings of the node that count from its next start on.
@@ -10,6 +11,7 @@ settings! {
         learnt: number "MAV_SYSID_LEARN" = 0 in 0..=255, "Learnt system id, used where MAV_SYSID is 0; set by the node. 0: none.";
         base: number "MAV_COMP_BASE" = 25 in 25..=90, "Component id of the node; engine 1 has the next, engine 2 the one after it.";
         autopilot_port: number "MAV_AP_PORT" = 1 in 0..=8, "Port of the autopilot, from 1. 0: there is none.";
+        telemetry_baud: baud "TELEM_BAUD" = 57_600 in 2400..=115_200, "Baud rate of the telemetry port: 2400, 4800, 9600, 19 200, 38 400, 57 600 or 115 200.";
     }
 }
 
@@ -45,38 +47,78 @@ settings! {
 /// The setting that the node itself changes.
 pub(crate) const LEARNT: &str = "MAV_SYSID_LEARN";
 
-// The tables of parameters without their texts: an image does not hold those.
-
-fn node_rows() -> impl Iterator<Item = &'static Row> {
-    NodeSettings::TABLE_ROWS.into_iter().flatten()
+/// A parameter: its row, and whose it is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Parameter {
+    pub row: &'static Row,
+    /// Of a wiring: its engine, from 1. 0: of none.
+    pub wired: u8,
 }
 
-pub(crate) fn engine_rows(config: &EngineConfig) -> impl Iterator<Item = &'static Row> + use<> {
-    config.rows().filter(|row| row.parameter).chain(EngineSettings::ROWS)
+impl Parameter {
+    /// Its name. That of a wiring has the number of its engine.
+    pub fn name(self) -> Name {
+        let mut name = Name::of(self.row.name.as_bytes());
+        if self.wired > 0 {
+            name.0[1] = b'0'.saturating_add(self.wired);
+        }
+        name
+    }
+}
+
+/// A name, as it is sent and received: of 16 letters, or of fewer that zeros follow.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Name(pub [u8; 16]);
+
+impl Name {
+    /// What is behind a zero does not count.
+    pub fn of(bytes: &[u8]) -> Self {
+        let mut name = [0; 16];
+        let letters = bytes.iter().take_while(|&&letter| letter != 0);
+        name.iter_mut().zip(letters).for_each(|(slot, letter)| *slot = *letter);
+        Self(name)
+    }
+}
+
+impl core::fmt::Display for Name {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let mut letters = self.0.into_iter().take_while(|&letter| letter != 0);
+        letters.try_for_each(|letter| core::fmt::Write::write_char(f, letter.into()))
+    }
 }
 
 /// A table of parameters, which is stored as one record.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Table<'a> {
-    /// Of the node.
+    /// Of the node, without wiring.
     Node,
+    /// Of the wiring of an engine.
+    Wiring,
     /// Of an engine, without what is attached.
     Engine(&'a EngineConfig),
     /// Of what is attached, for one engine.
     Attached(&'static [&'static [Row]]),
 }
 
-/// The first parameter that is the one. All that looks at the tables does it here: each walk of its own is some 400 bytes of flash.
+/// The first parameter that is the one. The tables are those without texts: an image does not hold the others.
 #[inline(never)]
 pub(crate) fn find_row(
     table: Table<'_>,
     is_it: &mut dyn FnMut(&'static Row) -> bool,
 ) -> Option<&'static Row> {
-    match table {
-        Table::Node => node_rows().find(|row| is_it(row)),
-        Table::Engine(config) => engine_rows(config).find(|row| is_it(row)),
-        Table::Attached(rows) => rows.iter().copied().flatten().find(|row| is_it(row)),
-    }
+    let tables: &[&[Row]] = match table {
+        Table::Node => &NodeSettings::TABLE_ROWS,
+        Table::Wiring => &[Wiring::ROWS],
+        Table::Attached(rows) => rows,
+        Table::Engine(config) => {
+            let found = config.find_parameter(is_it);
+            if found.is_some() {
+                return found;
+            }
+            &[EngineSettings::ROWS]
+        }
+    };
+    find_parameter(tables, is_it)
 }
 
 /// Source of an engine's demand.
@@ -109,12 +151,12 @@ impl NodeSettings {
 
     /// The value of a setting.
     pub fn number(&self, name: &str) -> Option<i32> {
-        self.identity.own(name).or_else(|| self.own(name))
+        self.identity.own::<false>(name).or_else(|| self.own::<false>(name))
     }
 
     /// Changes a setting whose range has been checked. False: there is none of this name.
     pub(crate) fn set(&mut self, name: &str, number: i32) -> bool {
-        self.identity.set_own(name, number) || self.set_own(name, number)
+        self.identity.set_own::<false>(name, number) || self.set_own::<false>(name, number)
     }
 }
 

@@ -230,7 +230,8 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
     const SECTOR: u32 = F::ERASE_SIZE as u32;
     const CONFIG: MapConfig<Guard<'a, F>> = MapConfig::new(0..2 * Self::SECTOR);
 
-    /// Reads the memory; `each` gets the newest record of each key. Nothing is written or erased.
+    /// Reads the memory; `each` gets the newest record of each key, that of the node first: what an engine is wired to decides what its own
+    /// record is worth. Nothing is written or erased.
     pub async fn load(flash: F, at_rest: &'a AtRest, each: &mut dyn FnMut(u8, &[u8])) -> (Self, Found) {
         let guard = Guard { flash, at_rest, swapped: false, only: None, reads: 0 };
         let map = MapStorage::new(guard, Self::CONFIG, Cache::new_uncached());
@@ -241,14 +242,16 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         if newest.is_empty() {
             return (store, found);
         }
-        store
-            .scan(store.sector, &mut |found, record| {
-                let own = newest.iter().find(|newest| newest.key == found.key);
-                if own.is_some_and(|own| own.sequence == found.sequence) {
-                    each(found.key, record);
-                }
-            })
-            .await;
+        for of_node in [true, false] {
+            store
+                .scan(store.sector, &mut |found, record| {
+                    let own = newest.iter().find(|newest| newest.key == found.key);
+                    if (found.key == 0) == of_node && own.is_some_and(|own| own.sequence == found.sequence) {
+                        each(found.key, record);
+                    }
+                })
+                .await;
+        }
         (store, found)
     }
 

@@ -5,7 +5,8 @@ use jetlink::config::EngineConfig;
 use jetlink::ecu::zk::codec::Rate;
 use jetlink::line::Line;
 use jetlink::setting::{Effect, OFF, Setting, Unit};
-use jetlink_mavlink::service::parameters::{engine_parameters, node_parameters};
+use jetlink::wiring::Wiring;
+use jetlink_mavlink::service::parameters::{engine_parameters, node_parameters, wiring_parameters};
 use jetlink_mavlink::services;
 
 /// Rows with the rest of their text, and with their default in words where it is not the row's own. `turning`: what is refused
@@ -16,7 +17,7 @@ fn table(rows: &[(&Setting, &str, Option<String>)], turning: &str) -> String {
         let off = if row.may_be_off { ", or -1: off" } else { "" };
         let range = match row.unit {
             Unit::YesNo | Unit::Action => row.symbol.to_string(),
-            Unit::Number => format!("{} to {}", row.min, row.max),
+            Unit::Number | Unit::Baud | Unit::StatusRate => format!("{} to {}", row.min, row.max),
             _ => format!("{} to {} {}{off}", row.min, row.max, row.symbol),
         };
         let default = default.clone().unwrap_or_else(|| {
@@ -37,6 +38,8 @@ fn parameters() -> String {
     let amt = EngineConfig::amt("amt", 0, Line::new(9600), None);
     let zk = EngineConfig::zk("zk", 1, Line::new(9600), Rate::Hz20);
     let node: Vec<_> = node_parameters().map(|row| (row, "", None)).collect();
+    let wiring = wiring_parameters(&Wiring::of(&amt));
+    let rows: Vec<_> = wiring.iter().map(|row| (row, "", Some("image".into()))).collect();
     let of_amt: Vec<_> = engine_parameters(&amt).collect();
     let of_zk: Vec<_> = engine_parameters(&zk).collect();
     let has = |rows: &[&Setting], row: &Setting| rows.iter().any(|other| other.name == row.name);
@@ -52,10 +55,13 @@ fn parameters() -> String {
         engine.push((*row, of, two.map(|zk| format!("AMT {}, ZK {}", row.default, zk.default))));
     }
     format!(
-        "Component of the node, {} parameters:\n\n{}\nComponent of each engine, {} parameters with an AMT ECU and {} with a ZK \
+        "Component of the node, {} parameters:\n\n{}\nAnd for each engine of the image, in its order, {} that say what it is wired to, here for engine 1: \
+         `E2_PORT` is that of engine 2. Their defaults are those of the table `ENGINES` in `src/config.rs`:\n\n{}\nComponent of each engine, {} parameters with an AMT ECU and {} with a ZK \
          ECU:\n\n{}",
         node.len(),
         table(&node, "an engine"),
+        wiring.len(),
+        table(&rows, "an engine"),
         of_amt.len(),
         of_zk.len(),
         table(&engine, "the engine")

@@ -93,14 +93,14 @@ impl EngineSettings {
 
     /// The number of a setting.
     pub fn number(&self, name: &str) -> Option<i32> {
-        self.own(name)
+        self.own::<false>(name)
     }
 
     /// Changes a setting. Check the whole afterwards: [`EngineSettings::check`]. False: there is none of this name, or the number
     /// is outside of its range.
     pub fn set(&mut self, name: &str, number: i32) -> bool {
         let allowed = Self::ROWS.iter().any(|row| row.name == name && row.allows(number));
-        allowed && self.set_own(name, number)
+        allowed && self.set_own::<false>(name, number)
     }
 
     /// Checks each setting and what they are together.
@@ -140,14 +140,14 @@ const fn same(a: u8, b: u8) -> bool {
 impl OutputSettings {
     /// The number of a setting.
     pub fn number(&self, name: &str) -> Option<i32> {
-        self.own(name)
+        self.own::<false>(name)
     }
 
     /// Changes a setting, from the next start of the node on. False: there is none of this name, or the number is outside of its
     /// range.
     pub fn set(&mut self, name: &str, number: i32) -> bool {
         let allowed = Self::ROWS.iter().any(|row| row.name == name && row.allows(number));
-        allowed && self.set_own(name, number)
+        allowed && self.set_own::<false>(name, number)
     }
 
     /// Checks each setting.

@@ -4,7 +4,9 @@
 use super::qemu_mps2::PORTS;
 #[cfg(feature = "stm32")]
 use super::table::PORTS;
+use super::retained::RetainedWord;
 use jetlink::engine::retained::RetainedMemory;
+use jetlink_fw::config::ENGINES;
 
 /// The record of the engine on each port. Aligned to the 64-bit words of an H7's RAM, the unit of its ECC.
 #[repr(C, align(8))]
@@ -14,3 +16,8 @@ pub struct Retained(pub [RetainedMemory; PORTS.len()]);
 // `RetainedMemory` (it is atomics throughout), and its content is only used with a right checksum.
 #[unsafe(link_section = ".retained")]
 pub static RETAINED: Retained = Retained([const { RetainedMemory::new() }; PORTS.len()]);
+
+/// What each engine is wired to, as one number: it says on which port its record is, before any setting is read.
+// SAFETY: as above; of a `RetainedWord` only one with its inverse is used.
+#[unsafe(link_section = ".retained.wiring")]
+pub static WIRING: [RetainedWord; ENGINES.len()] = [const { RetainedWord::new() }; ENGINES.len()];

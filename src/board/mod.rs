@@ -4,8 +4,8 @@
 //! Code for all of them is in `stm32.rs`, `early.rs` and `port.rs`, code for a chip family in `stm32h7.rs` and `stm32f4.rs`.
 //! `docs/porting.md` describes how to add one.
 //!
-//! Every board provides `NAME`, `PORTS`, `TELEMETRY_PORT`, `INVERTS_RX`, `OUTPUTS`, `OUTPUTS_LOW_BEFORE`, `drive_output`, `init`, `restart`, `storage`,
-//! `start_engine_executor` and the types [`EcuPort`], [`Executor`], [`Led`] and [`Watchdog`]; a board
+//! Every board provides `NAME`, `PORTS`, `TELEMETRY_PORT`, `INVERTS_RX`, `TWO_STOP_BITS`, `OUTPUTS`, `OUTPUTS_LOW_BEFORE`, `drive_output`, `init`,
+//! `open`, `restart`, `storage`, `start_engine_executor` and the types [`EcuPort`], [`Executor`], [`Led`] and [`Watchdog`]; a board
 //! with a chip other than an STM32 implements all of them (`qemu_mps2.rs`).
 
 #[cfg(feature = "stm32")]
@@ -36,7 +36,6 @@ mod port;
 pub mod pulses;
 #[cfg(feature = "board-qemu-mps2")]
 mod qemu_mps2;
-#[cfg(feature = "stm32")]
 mod retained;
 #[cfg(all(feature = "selftest", feature = "stm32"))]
 pub mod selftest;
@@ -81,7 +80,9 @@ pub use {
     early::end as restart,
     embassy_executor::Executor,
     outputs::drive_output,
-    port::EcuPort,
+    port::{EcuPort, open},
     stm32::{Led, Watchdog, start_engine_executor},
-    table::{INVERTS_RX, NAME, OUTPUTS, OUTPUTS_LOW_BEFORE, PORTS, TELEMETRY_PORT, init, plan},
+    table::{
+        INVERTS_RX, NAME, OUTPUTS, OUTPUTS_LOW_BEFORE, PORTS, TELEMETRY_PORT, TWO_STOP_BITS, init,
+    },
 };

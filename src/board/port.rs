@@ -17,7 +17,9 @@
 
 use super::chip;
 use super::format::Format;
+use super::table::{PORTS, driver};
 use core::marker::PhantomData;
+use core::sync::atomic::{AtomicU32, Ordering};
 use embassy_stm32::{
     interrupt::typelevel::Handler,
     pac::usart::Usart,
@@ -38,33 +40,22 @@ pub struct EcuPort {
     pub errors: &'static LineErrors,
     /// Its format.
     format: Format,
-    /// Its buffers.
-    place: usize,
-    /// Reopens it, see [`open`].
-    opener: Opener,
+    /// Its number, and that of its buffers.
+    number: (usize, usize),
 }
 
-/// A driver, or what is wrong with its configuration.
-type Opened = Result<BufferedUart<'static>, ConfigError>;
-
-/// What [`open`] needs of a UART. All else is the same code for each.
-#[derive(Clone, Copy)]
-pub struct Opener {
-    /// Its driver, with buffers for sending and receiving. The UART must not be open.
-    pub driver: unsafe fn(&'static mut [u8], &'static mut [u8], Config) -> Opened,
-    /// Its counters of line errors.
-    pub errors: fn() -> &'static LineErrors,
-}
+/// A driver, or what is wrong with its configuration, and the counters of line errors.
+pub type Opened = (Result<BufferedUart<'static>, ConfigError>, &'static LineErrors);
 
 impl EcuPort {
     /// Runs an engine on this port. If the transmitter is stuck, the port is closed and reopened, which discards waiting bytes.
     pub async fn serve(mut self, runner: Runner<'static>) -> ! {
         loop {
-            let Self { rx, tx, errors, format, place, opener } = self;
+            let Self { rx, tx, errors, format, number } = self;
             runner.run_until_stuck(rx, tx, errors).await;
             defmt::error!("transmitter stuck, reopening its port");
             // SAFETY: both halves were moved into the run, which is over and has dropped them: the driver is closed.
-            self = unsafe { open(format, place, opener) };
+            self = defmt::unwrap!(unsafe { open_at(number, format) });
         }
     }
 }
@@ -148,7 +139,23 @@ macro_rules! ecu_uarts {
 }
 pub(super) use ecu_uarts;
 
-/// Opens a port: 8 data bits.
+/// The ports that were opened, a bit each.
+static OPENED: AtomicU32 = AtomicU32::new(0);
+
+/// Opens a port by its number, once, and once the clocks run. The number behind those of [`PORTS`] is that of MAVLink. `None`: there is no such
+/// port, it was opened before, or more are open than the image has buffers for.
+pub fn open(port: usize, format: Format) -> Option<EcuPort> {
+    let opened = OPENED.load(Ordering::Relaxed);
+    let place = opened.count_ones() as usize;
+    if port > PORTS.len() || opened & 1 << port != 0 || place >= OPEN {
+        return None;
+    }
+    OPENED.store(opened | 1 << port, Ordering::Relaxed);
+    // SAFETY: each port is opened here once, in a place of its own.
+    unsafe { open_at((port, place), format) }
+}
+
+/// Opens a port, in this place of the buffers: 8 data bits.
 ///
 /// # Safety
 ///
@@ -157,7 +164,20 @@ pub(super) use ecu_uarts;
 /// # Panics
 ///
 /// If the UART does not support this baud rate, or there are no such buffers.
-pub unsafe fn open(format: Format, place: usize, opener: Opener) -> EcuPort {
+unsafe fn open_at(number: (usize, usize), format: Format) -> Option<EcuPort> {
+    let (port, place) = number;
+    assert!(place < OPEN);
+    // SAFETY: the place is one of the array, and the caller guarantees that no open port holds its buffers. Nothing else names them.
+    let buffers = unsafe { &mut *(&raw mut BUFFERS).cast::<Buffers>().add(place) };
+    // SAFETY: the caller guarantees that the UART is not open.
+    let (uart, errors) = unsafe { driver(port, &mut buffers.tx, &mut buffers.rx, format) }?;
+    let (tx, rx) = defmt::unwrap!(uart).split();
+    Some(EcuPort { rx, tx, errors, format, number })
+}
+
+/// How a driver is configured. Inlined where it is used: what is the same for all formats is then known for each driver.
+#[inline(always)]
+pub fn config(format: Format) -> Config {
     let mut config = Config::default();
     config.baudrate = format.baud;
     config.stop_bits = match format.stop_bits {
@@ -179,12 +199,5 @@ pub unsafe fn open(format: Format, place: usize, opener: Opener) -> EcuPort {
             chip::invert_rx(&mut config);
         }
     }
-
-    assert!(place < OPEN);
-    // SAFETY: the place is one of the array, and the caller guarantees that no open port holds its buffers. Nothing else names them.
-    let buffers = unsafe { &mut *(&raw mut BUFFERS).cast::<Buffers>().add(place) };
-    // SAFETY: the caller guarantees that the UART is not open.
-    let uart = defmt::unwrap!(unsafe { (opener.driver)(&mut buffers.tx, &mut buffers.rx, config) });
-    let (tx, rx) = uart.split();
-    EcuPort { rx, tx, errors: (opener.errors)(), format, place, opener }
+    config
 }

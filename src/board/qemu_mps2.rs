@@ -31,6 +31,9 @@ pub use self::{executor::Executor, uart::EcuPort};
 /// Whether its UARTs can invert what they receive. They have neither parity nor two stop bits: no SBUS.
 pub const INVERTS_RX: bool = false;
 
+/// They have one.
+pub const TWO_STOP_BITS: bool = false;
+
 /// It has no outputs.
 pub const OUTPUTS: &[&str] = &[];
 
@@ -96,35 +99,24 @@ static __INTERRUPTS: [Handler; 32] = {
 };
 
 /// The board, ready for the firmware.
-pub type Board = Ready<EcuPort, Led, Watchdog, { PORTS.len() }>;
+pub type Board = Ready<Led, Watchdog>;
 
-/// As the other boards have it. Here a format is all that opens a port.
-pub const fn plan(formats: [Option<Format>; PORTS.len()]) -> [Option<Format>; PORTS.len()] {
-    formats
+/// Opens a port by its number, once. The one behind those of `PORTS` is that of MAVLink. `None`: there is no such port.
+pub fn open(port: usize, format: Format) -> Option<EcuPort> {
+    (port <= PORTS.len()).then(|| Port::open(port, format))
 }
 
-/// Does `first`, starts the clock, opens the ports that have a format, and the one of MAVLink. Call it once.
-pub fn init(
-    formats: [Option<Format>; PORTS.len()],
-    telemetry: Format,
-    first: impl FnOnce(ResetCause),
-) -> Board {
+/// Does `first`, starts the clock. Call it once.
+pub fn init(first: impl FnOnce(ResetCause)) -> Board {
     first(ResetCause::Unknown);
     super::stack::paint();
     clock::start();
     let mut core = defmt::unwrap!(cortex_m::Peripherals::take());
     // SAFETY: the executor's interrupt is still off, and no critical section relies on priorities.
     unsafe { core.NVIC.set_priority(EXECUTOR_INTERRUPT, EXECUTOR_PRIORITY) };
-    let mut port = 0;
     Ready {
         reset_cause: ResetCause::Unknown, // QEMU does not implement the board's register for it
         oscillator: Oscillator::Crystal,
-        ports: formats.map(|format| {
-            let opened = format.map(|format| Port::open(port, format));
-            port += 1;
-            opened
-        }),
-        telemetry: Port::open(PORTS.len(), telemetry),
         led: Led(()),
         watchdog: Watchdog(()),
     }

@@ -71,16 +71,12 @@ pub enum Oscillator {
 /// Polls the engines' tasks from an interrupt, above thread mode and below the UARTs and the timer.
 pub static ENGINE_EXECUTOR: InterruptExecutor = InterruptExecutor::new();
 
-/// A board that is ready for the firmware, with its own types of ports, LED and watchdog.
-pub struct Ready<Port, Led, Watchdog, const PORTS: usize> {
+/// A board that is ready for the firmware, with its own types of LED and watchdog. Its ports are not open yet.
+pub struct Ready<Led, Watchdog> {
     /// Cause of the last reset.
     pub reset_cause: ResetCause,
     /// Source of its clocks.
     pub oscillator: Oscillator,
-    /// The requested ECU ports, open.
-    pub ports: [Option<Port>; PORTS],
-    /// The port of MAVLink, open.
-    pub telemetry: Port,
     /// The status LED, off.
     pub led: Led,
     /// The watchdog.

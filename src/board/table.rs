@@ -8,7 +8,7 @@ macro_rules! board {
         name: $name:literal,
         clock: $mhz:literal $mode:ident,
         ports: [$($port:literal $uart:ident $gpio:ident $number:literal $rx_gpio:ident $rx_number:literal,)*],
-        telemetry: $telemetry:literal $telemetry_uart:ident,
+        telemetry: $telemetry:literal,
         inverts: $inverts:literal,
         uarts: [$($each:ident $rx:ident $tx:ident,)*],
         outputs: [$($out:ident $out_gpio:ident $out_number:literal $out_label:literal $out_low:literal,)*],
@@ -20,12 +20,13 @@ macro_rules! board {
         hold: [$($held:ident $level:ident,)*],
         watchdog: $watchdog:ident,
     ) => {
-        use super::port::{EcuPort, Opener, ecu_uarts, open};
+        use super::port::{Opened, ecu_uarts};
         use super::state::{Ready, ResetCause};
         use super::stm32::{Drive, Led, Watchdog};
         use super::first::{self, Step};
         use super::{chip, early, watchdog};
         use embassy_stm32::{gpio::Level, pac::{self, gpio::Gpio}, rcc::{Hse, HseMode}, time::mhz};
+        use embassy_stm32::usart::BufferedUart;
         use super::format::Format;
 
         /// The board's name.
@@ -34,8 +35,11 @@ macro_rules! board {
         /// The ECU ports by number, from 0.
         pub const PORTS: [&str; [$($port),*].len()] = [$($port),*];
 
-        /// The port of MAVLink.
+        /// The port of MAVLink. Its number is the one behind those of `PORTS`.
         pub const TELEMETRY_PORT: &str = $telemetry;
+
+        /// Whether its UARTs can have two stop bits.
+        pub const TWO_STOP_BITS: bool = true;
 
         /// Whether its UARTs can invert what they receive.
         pub const INVERTS_RX: bool = $inverts;
@@ -126,27 +130,36 @@ macro_rules! board {
 
         ecu_uarts!($($each),*);
 
-        /// How each port is opened, by the name of its UART.
-        #[allow(non_snake_case, reason = "as the chip's manual writes them")]
-        mod openers {
-            use super::super::port::EcuUart;
-            use super::{Irqs, Opener};
+        /// The driver of a port by its number, and its counters of line errors; `None`: there is no such port. The driver has buffers for sending and receiving. In one function: the compiler shares what is the same
+        /// for each.
+        ///
+        /// # Safety
+        /// The port is not open.
+        #[inline(never)]
+        pub unsafe fn driver(
+            port: usize,
+            tx_buffer: &'static mut [u8],
+            rx_buffer: &'static mut [u8],
+            format: Format,
+        ) -> Option<Opened> {
+            use super::port::EcuUart;
             use embassy_stm32::peripherals;
-            use embassy_stm32::usart::BufferedUart;
 
+            let config = super::port::config(format);
+            let mut number = 0;
             $(
-                pub const $each: Opener = Opener {
-                    driver: |tx_buffer, rx_buffer, config| {
-                        // SAFETY: the caller guarantees that the port is not open: nothing uses its UART or its pins then.
-                        unsafe {
-                            let (rx, tx) = (peripherals::$rx::steal(), peripherals::$tx::steal());
-                            let uart = peripherals::$each::steal();
-                            BufferedUart::new(uart, rx, tx, tx_buffer, rx_buffer, Irqs, config)
-                        }
-                    },
-                    errors: peripherals::$each::errors,
-                };
+                if port == number {
+                    // SAFETY: the caller guarantees that nothing uses the UART or its pins, and `init` has taken them.
+                    let (uart, rx, tx) = unsafe {
+                        (peripherals::$each::steal(), peripherals::$rx::steal(), peripherals::$tx::steal())
+                    };
+                    let opened = BufferedUart::new(uart, rx, tx, tx_buffer, rx_buffer, Irqs, config);
+                    return Some((opened, peripherals::$each::errors()));
+                }
+                number += 1;
             )*
+            let _ = number;
+            None
         }
 
         $(
@@ -162,33 +175,11 @@ macro_rules! board {
             }
         )?
 
-        /// The format of each open port, the place of its buffers, and what opens it. In a constant, so that the image has the drivers of
-        /// these ports alone.
-        pub const fn plan(formats: [Option<Format>; PORTS.len()]) -> [Option<(Format, usize, Opener)>; PORTS.len()] {
-            let openers: [Opener; PORTS.len()] = [$(openers::$uart),*];
-            let mut plan = [None; PORTS.len()];
-            // The first place is that of MAVLink.
-            let (mut port, mut place) = (0, 1);
-            while port < PORTS.len() {
-                if let Some(format) = formats[port] {
-                    plan[port] = Some((format, place, openers[port]));
-                    place += 1;
-                }
-                port += 1;
-            }
-            plan
-        }
-
         /// The board, ready for the firmware.
-        pub type Board = Ready<EcuPort, Led, Watchdog, { PORTS.len() }>;
+        pub type Board = Ready<Led, Watchdog>;
 
-        /// Starts the clocks, opens the ports of the plan, and the one of MAVLink. Does `first` before anything else. Call it
-        /// once.
-        pub fn init(
-            plan: [Option<(Format, usize, Opener)>; PORTS.len()],
-            telemetry: Format,
-            first: impl FnOnce(ResetCause),
-        ) -> Board {
+        /// Starts the clocks. Does `first` before anything else. Call it once.
+        pub fn init(first: impl FnOnce(ResetCause)) -> Board {
             let hse = Hse { freq: mhz($mhz), mode: HseMode::$mode };
             let early = early::begin(matches!(hse.mode, HseMode::Bypass), |cause| {
                 first(cause);
@@ -204,18 +195,9 @@ macro_rules! board {
             $(let _supply = p.$supply;)?
             $(let _fram = (p.$spi, p.$sck, p.$miso, p.$mosi, p.$select);)?
             let _usb = (p.$minus, p.$plus);
-            let mut opened = [const { None }; PORTS.len()];
-            for (port, planned) in opened.iter_mut().zip(plan) {
-                let Some((format, place, opener)) = planned else { continue };
-                // SAFETY: `init` is called once, and opens each port once, in a place of its own.
-                *port = Some(unsafe { open(format, place, opener) });
-            }
             Ready {
                 reset_cause: early.cause,
                 oscillator: early.oscillator,
-                ports: opened,
-                // SAFETY: as above; it is none of `PORTS`.
-                telemetry: unsafe { open(telemetry, 0, openers::$telemetry_uart) },
                 led: Led::new(p.$led, Level::$lit, Drive::$drive),
                 watchdog: Watchdog::new(p.$watchdog),
             }

@@ -52,3 +52,5 @@ pub mod telemetry;
 pub mod units;
 #[path = "../../jetlink/src/watch.rs"]
 pub mod watch;
+#[path = "../../jetlink/src/wiring.rs"]
+pub mod wiring;

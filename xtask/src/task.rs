@@ -213,6 +213,8 @@ fn flags() -> String {
         "--remap-path-scope=macro".to_owned(),
         format!("--remap-path-prefix={}=", registry.display()),
         format!("--remap-path-prefix={}=", registry.join(CRATES_IO).display()),
+        "--remap-path-prefix=jetlink/src=jetlink".to_owned(),
+        "--remap-path-prefix=mavlink/src=mavlink".to_owned(),
         // 0.9 kB in place of 7.4 kB: what is hashed is a signed frame now and then, and no stream.
         "--cfg=sha2_backend_soft=\"compact\"".to_owned(),
         // Functions and constants that are the same to the byte are linked once.

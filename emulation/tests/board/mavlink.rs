@@ -411,6 +411,87 @@ fn a_setting_stays_over_a_restart_by_command() {
     });
 }
 
+/// "Left" and "booster" change places: "left" is a ZK engine on the fourth port from the next start on.
+pub const CHANGED: [(&str, f32); 9] = [
+    ("E1_PORT", 3.0),
+    ("E4_PORT", 0.0),
+    ("E1_PROTO", 2.0),
+    ("E1_BAUD", 115_200.0),
+    ("E1_ZK_RATE", 50.0),
+    ("E4_PROTO", 1.0),
+    ("E4_BAUD", 2400.0),
+    ("E4_AMT_ENGINE", 3.0),
+    ("E4_STOP", 1.0),
+];
+
+/// Time of the restart by which it counts.
+pub const REWIRED: Nanos = 14 * SECOND;
+
+/// A ground station that sets these parameters of the node and has it restart.
+pub fn rewires(settings: &[(&str, f32)]) -> Client {
+    let times = (0..).map(|n| 8 * SECOND + n * 200 * MILLIS);
+    let mut script: Vec<_> =
+        times.zip(settings).map(|(at, (name, value))| (at, set(NODE, name, *value))).collect();
+    script.push((REWIRED, command(NODE, 246, 1.0)));
+    // A byte that a reset cuts has no time of its own.
+    Client { script, quiet: Some((REWIRED, REWIRED + SECOND)), ..Client::default() }
+}
+
+#[test]
+fn engines_that_change_ports_and_protocols_are_wired_so_after_a_restart_by_command() {
+    on_each_board(|board| {
+        let port = board.telemetry.name;
+        let (first, fourth) = (board.ports[0].name, board.ports[3].name);
+        let mut client = rewires(&CHANGED);
+        client.script.push((23 * SECOND, list(NODE)));
+        client.script.push((31 * SECOND, command(LEFT, START, 1.0)));
+        client.armed_from = Some(27 * SECOND);
+        let run = Run::new(board, Image::Release).quick_engines().ecu(port, LINE, client);
+        let report = run.resets(1).until(42 * SECOND).go();
+        let client: &Client = report.ecu(port);
+        let texts = format!("{}: {:#?}\n{}", board.name, client.texts(), report.log_text());
+        for (name, value) in CHANGED {
+            assert_eq!(client.value(NODE, name), Some(value), "{name}; {texts}");
+        }
+        let counts = client.texts().iter().filter(|text| text.contains("counts from the node's next start")).count();
+        assert_eq!(counts, CHANGED.len(), "{texts}");
+        for (place, name, line) in [(0, "booster", "2400 baud, 8N1"), (3, "left", "115200 baud, 8N1")] {
+            let text = format!("port {place}, ");
+            let used: Vec<_> = report.lines(&text).filter(|log| log.at > REWIRED).collect();
+            assert!(used.len() == 1 && used[0].text.ends_with(&format!("{name}, {line}")), "{used:?}; {texts}");
+        }
+        // "Left" was started: it is the turbine of the ZK ECU that runs, and no other.
+        assert_eq!(client.answers(LEFT, 30 * SECOND), [(START, ACCEPTED)], "{texts}");
+        assert_eq!(report.ecu::<ZkEcu>(fourth).turbine().phase(), Phase::Running, "{texts}");
+        let amt = report.ecu::<AmtEcu>(first);
+        assert_eq!(amt.turbine().phase(), Phase::Stopped, "{texts}");
+        assert!(amt.commands.iter().any(|(at, each)| *at > 40 * SECOND && each.ops == Ops::Standby), "{texts}");
+        assert!(client.state(LEFT, 41 * SECOND) == 7 && client.state(LEFT + 3, 41 * SECOND) == 3, "{texts}");
+    });
+}
+
+#[test]
+fn stored_wiring_that_contradicts_itself_leaves_that_of_the_image_and_engines_start() {
+    on_each_board(|board| {
+        let port = board.telemetry.name;
+        let mut client = rewires(&CHANGED[..1]);
+        client.script.push((31 * SECOND, command(LEFT, START, 1.0)));
+        client.armed_from = Some(27 * SECOND);
+        let run = Run::new(board, Image::Release).quick_engines().ecu(port, LINE, client).with_errors();
+        let report = run.resets(1).until(42 * SECOND).go();
+        let client: &Client = report.ecu(port);
+        let texts = format!("{}: {:#?}\n{}", board.name, client.texts(), report.log_text());
+        let why = "booster: wiring as in the image, not as stored";
+        let logged = report.lines(&format!("{why}: two engines on one port")).filter(|log| log.at > REWIRED);
+        assert_eq!(logged.count(), 1, "{texts}");
+        let errors = report.logs.iter().filter(|log| log.level == "error").count();
+        assert_eq!(errors, 1, "{texts}");
+        assert!(client.texts().iter().filter(|text| text.starts_with(why)).count() >= 2, "{texts}");
+        assert_eq!(client.answers(LEFT, 30 * SECOND), [(START, ACCEPTED)], "{texts}");
+        assert_eq!(report.ecu::<AmtEcu>(board.ports[0].name).turbine().phase(), Phase::Running, "{texts}");
+    });
+}
+
 /// Channel, end points and reverse of the throttle of "left", set over the telemetry port, are stored and count after a reset: the
 /// engine follows the stick where it is now. "Booster" has its own settings, the defaults, and a stick that stays at full throttle.
 #[test]

@@ -1,5 +1,6 @@
 //! Fuel valves and the power of starters on their pins: start, standby, stop, and every kind of reset.
 
+use crate::mavlink;
 use crate::support::{Task, crash, hijack_if_spawned, on_each_board, symbol};
 use emulation::pins::{Level, Pin};
 use emulation::receiver::{Position, Protocol, Receiver};
@@ -185,6 +186,41 @@ fn standby_closes_the_valve_once_the_engine_is_at_rest() {
             // It is at rest below 1000 rpm; the last look was up to 0.1 s before.
             assert!(rpm(STANDBY) > 20_000.0 && rpm(closed) < 1100.0, "{}", valve.name);
         }
+    });
+}
+
+/// "Left" is a ZK engine on the port that "booster" has in the image. Its record is found there before any setting is read, and where it
+/// was until then is nothing.
+#[test]
+fn valve_of_an_engine_on_another_port_stays_open_in_flight_over_a_reset() {
+    on_each_board(|board| {
+        const RESET: Nanos = 45 * SECOND;
+        let client = mavlink::rewires(&mavlink::CHANGED);
+        let (report, complaints) = Run::new(board, Image::Outputs)
+            .quick_engines()
+            .only(&[ZK])
+            .radio(Receiver::new(Protocol::Sbus))
+            .ecu(board.telemetry.name, mavlink::LINE, client)
+            .at(17 * SECOND, |bench| bench.radio().switch = Position::Standby)
+            .at(19 * SECOND, |bench| bench.radio().switch = Position::Run)
+            .at(40 * SECOND, |bench| bench.radio().stick = 50)
+            .at(RESET, |bench| bench.watchdog_runs_out())
+            .resets(2)
+            .until(RESET + 6 * SECOND)
+            .go_unchecked();
+        let texts = format!("{}: {complaints:#?}\n{}", board.name, report.log_text());
+        // The watch over the valves knows the wiring of the image alone.
+        assert!(complaints.iter().all(|complaint| complaint.starts_with("the valve of left: opens")), "{texts}");
+        let reset = report.resets[1].0;
+        stays(&report, LEFT, LEFT.on, RESET - 3 * SECOND..reset);
+        let driven = driven_after(&report, LEFT, reset, LEFT.on);
+        stays(&report, LEFT, LEFT.on, driven..report.at);
+        stays(&report, BOOSTER, BOOSTER.off(), RESET - 3 * SECOND..reset);
+        let closed = driven_after(&report, BOOSTER, reset, BOOSTER.off());
+        stays(&report, BOOSTER, BOOSTER.off(), closed..report.at);
+        let resumed = report.lines("left: resumed after a reset").filter(|log| log.at > reset).count();
+        assert_eq!(resumed, 1, "{texts}");
+        assert_eq!(report.ecu::<ZkEcu>(ZK).turbine().phase(), Phase::Running, "{texts}");
     });
 }
 

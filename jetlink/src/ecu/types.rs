@@ -57,28 +57,39 @@ macro_rules! vendor_types {
                 }
             }
 
-            /// The number of a setting of the protocol.
-            pub(crate) fn number(&self, name: &str) -> Option<i32> {
+            /// The number of a setting of the protocol, or of a parameter.
+            pub(crate) fn number<const ALL: bool>(&self, name: &str) -> Option<i32> {
                 match self {
-                    $(Self::$name(config) => config.own(name),)+
+                    $(Self::$name(config) => config.own::<ALL>(name),)+
                 }
             }
 
-            /// Changes a setting of the protocol. False if it has none of that name.
-            pub(crate) fn set(&mut self, name: &str, number: i32) -> bool {
+            /// Changes a setting of the protocol, or a parameter. False if it has none of that name.
+            pub(crate) fn set<const ALL: bool>(&mut self, name: &str, number: i32) -> bool {
                 match self {
-                    $(Self::$name(config) => config.set_own(name, number),)+
+                    $(Self::$name(config) => config.set_own::<ALL>(name, number),)+
                 }
             }
 
             /// The number of the protocol, from 1 on, for stored settings. It never changes.
-            pub fn protocol_number(&self) -> u8 {
+            pub const fn protocol_number(&self) -> u8 {
                 let [protocol, _] = self.identity();
                 protocol
             }
 
+            /// An ECU with the protocol of this number and default settings; `None`: there is none.
+            pub(crate) const fn of_protocol(number: u8) -> Option<Self> {
+                $(
+                    let ecu = Self::$name(<$config>::DEFAULT);
+                    if ecu.protocol_number() == number {
+                        return Some(ecu);
+                    }
+                )+
+                None
+            }
+
             /// The protocol, and the engine that it is set to: another number makes retained state invalid.
-            pub(crate) fn identity(&self) -> [u8; 2] {
+            pub(crate) const fn identity(&self) -> [u8; 2] {
                 match self {
                     $(Self::$name(config) => config.identity(),)+
                 }

@@ -152,23 +152,25 @@ macro_rules! limits {
                 ecu_fault: Action::Report,
             };
 
+            const NAMES: &'static [&'static str] = &[$( $name, $action, )* "LIM_FAULT_ACT"];
+
             const fn number_at(&self, place: usize) -> i32 {
                 by_place!(place, {
                     $(
-                        kind::$kind::number(&self.$field.at);
-                        kind::action::number(&self.$field.action);
+                        true => kind::$kind::number(&self.$field.at);
+                        true => kind::action::number(&self.$field.action);
                     )*
-                    kind::action::number(&self.ecu_fault);
+                    true => kind::action::number(&self.ecu_fault);
                 }, crate::setting::OFF)
             }
 
-            fn set_at(&mut self, place: usize, value: i32) -> bool {
+            fn set_at<const ALL: bool>(&mut self, place: usize, value: i32) -> bool {
                 by_place!(place, {
                     $(
-                        { self.$field.at = kind::$kind::make(value); true };
-                        { self.$field.action = kind::action::make(value); true };
+                        ALL || column!(parameter $($column)*) => { self.$field.at = kind::$kind::make(value); true };
+                        ALL || column!(parameter $($column)*) => { self.$field.action = kind::action::make(value); true };
                     )*
-                    { self.ecu_fault = kind::action::make(value); true };
+                    true => { self.ecu_fault = kind::action::make(value); true };
                 }, false)
             }
         }
@@ -278,7 +280,16 @@ macro_rules! groups {
                     return Some(i32::from($option.is_some()));
                 }
                 let optional = $option.unwrap_or($optional::DEFAULT);
-                None$( .or_else(|| $place.own(name)) )*.or_else(|| optional.own(name))
+                $this.of_groups::<true>(name).or_else(|| optional.own::<true>(name))
+            }
+
+            /// The value of a parameter. A governor has none.
+            pub(crate) fn parameter(&$this, name: &str) -> Option<i32> {
+                $this.of_groups::<false>(name)
+            }
+
+            fn of_groups<const ALL: bool>(&$this, name: &str) -> Option<i32> {
+                None$( .or_else(|| $place.own::<ALL>(name)) )*
             }
 
             /// Changes a setting whose range has been checked. False: there is none of this name, or it belongs to a governor
@@ -289,8 +300,17 @@ macro_rules! groups {
                     $option = (number != 0).then_some(on);
                     return true;
                 }
-                $( $place.set_own(name, number) || )*
-                    $option.as_mut().is_some_and(|optional| optional.set_own(name, number))
+                $this.change_in_groups::<true>(name, number)
+                    || $option.as_mut().is_some_and(|optional| optional.set_own::<true>(name, number))
+            }
+
+            /// Changes a parameter whose range has been checked. False: there is none of this name.
+            pub(crate) fn change_parameter(&mut $this, name: &str, number: i32) -> bool {
+                $this.change_in_groups::<false>(name, number)
+            }
+
+            fn change_in_groups<const ALL: bool>(&mut $this, name: &str, number: i32) -> bool {
+                false $( || $place.set_own::<ALL>(name, number) )*
             }
         }
 

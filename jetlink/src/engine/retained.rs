@@ -120,6 +120,12 @@ impl RetainedState {
         }
     }
 
+    /// Whether the engine neither ran nor started, and its pump was closed: then its port, its line and its ECU may be other ones from now on.
+    /// What [`RetainedState::without_start`] leaves is enough to know it.
+    pub const fn is_at_rest(&self) -> bool {
+        !self.ran && self.starting == 0 && !self.pump_open && !matches!(self.order, Order::Pwm)
+    }
+
     /// The parts that remain after a loss of power, or from another engine's record: those that can only stop or preserve an
     /// engine, never start it or raise its demand.
     pub const fn without_start(self) -> Self {

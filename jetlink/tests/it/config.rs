@@ -442,7 +442,15 @@ fn settings_have_the_defaults_that_the_table_names() {
         }
         for (setting, row) in config.settings().zip(config.rows()) {
             let of_setting = (setting.name, setting.min, setting.max, setting.may_be_off, setting.effect);
-            assert_eq!(of_setting, (row.name, row.min, row.max, row.may_be_off, row.effect));
+            let name = if setting.parameter { row.name } else { setting.name };
+            assert_eq!(of_setting, (name, row.min, row.max, row.may_be_off, row.effect));
+            assert_eq!(setting.parameter, row.is_parameter(), "{}", setting.name);
+            // What is no parameter has no value and is not changed as one.
+            let value = setting.parameter.then_some(setting.default);
+            assert_eq!(config.parameter(setting.name), value, "{}", setting.name);
+            let mut changed = config;
+            assert_eq!(changed.change_parameter(setting.name, setting.max), setting.parameter);
+            assert_eq!(changed.number(setting.name) == Some(setting.max), setting.parameter);
         }
     }
     let [amt, zk] =

@@ -1,6 +1,5 @@
 //! Settings that stay: a parameter that was set is answered when it is stored, and is as before when it cannot be.
 
-use super::parameters::Name;
 use super::{Keeping, Pending, Place, Service};
 use crate::attached::Attached;
 use crate::frame::Address;
@@ -8,16 +7,17 @@ use crate::ids::Severity;
 use crate::kind::Kind;
 use crate::record::{self, Record};
 use crate::refusal::Refusal;
-use crate::settings::{LEARNT, Table, find_row};
+use crate::settings::{LEARNT, Name, Parameter, Table, find_row};
 use crate::store::NotSaved;
 use embassy_time::Instant;
 use jetlink::config::EngineConfig;
-use jetlink::setting::{Effect, Row};
+use jetlink::setting::Effect;
+use jetlink::wiring::{Contradiction, Wiring};
 
-/// Heartbeats, one a second, between two texts that the settings are damaged.
-const DAMAGED_EVERY: u8 = 10;
+/// Heartbeats, one a second, between two texts that something is wrong with the settings.
+const TEXT_EVERY: u8 = 10;
 
-impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
+impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
     /// Sets what happens to parameters that are set. By default the code that builds the service looks after them.
     pub fn set_keeping(&mut self, keeping: Keeping) {
         self.keeping = keeping;
@@ -26,7 +26,8 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     /// Reports that the stored settings are damaged: nothing is obeyed but a stop and, over USB, everything but a start, until a person confirms
     /// that the defaults, or what was set since, are right (service 30).
     pub fn set_damaged(&mut self, damaged: bool) {
-        self.damaged = damaged.into();
+        self.damaged = damaged;
+        self.until_text = 0;
         self.are_retained = false;
         self.attached.set_damaged(damaged);
     }
@@ -39,20 +40,37 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         self.attached.set_damaged(false);
     }
 
-    /// Says on every port that they are, from time to time. Call it with each heartbeat.
-    pub(super) fn report_damage(&mut self, now: Instant) {
-        if !self.has_to_be_confirmed() {
+    /// Says on every port what is wrong with the settings, from time to time. Call it with each heartbeat.
+    pub(super) fn report_settings(&mut self, now: Instant) {
+        if let Some(left) = self.until_text.checked_sub(1) {
+            self.until_text = left;
             return;
         }
-        self.damaged = self.damaged.saturating_sub(1);
-        if self.damaged == 0 {
-            self.damaged = DAMAGED_EVERY;
+        self.until_text = TEXT_EVERY - 1;
+        if self.has_to_be_confirmed() {
             let text = match self.are_retained {
                 true => "stored settings DAMAGED: confirm the current ones over USB",
                 false => "settings DAMAGED: only stops are obeyed",
             };
             self.say(now, Place::Node, Severity::Critical, None, format_args!("{text}"));
         }
+        if let Some((engine, why)) = self.contradiction {
+            let what = format_args!("wiring as in the image, not as stored: {}", why.message());
+            self.say(now, Place::Engine(engine), Severity::Error, None, what);
+        }
+    }
+
+    /// Offers the wiring of engines as parameters of the node, which the code that builds the service stores and uses at its next start. `wiring`
+    /// is what is stored, `image` what counts where nothing is. Where the stored one contradicts itself, which engine cannot have it, and why.
+    pub fn set_wiring(
+        &mut self,
+        wiring: &[Wiring],
+        image: &'a [Wiring],
+        contradiction: Option<(usize, Contradiction)>,
+    ) {
+        // What exceeds the engines is left out.
+        self.wiring = wiring.iter().copied().take(N).collect();
+        (self.image, self.contradiction) = (image, contradiction);
     }
 
     /// Confirms the current settings: all are stored again, and count as damaged until they are.
@@ -164,7 +182,8 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     #[inline(never)]
     fn record_of(&self, place: usize, defaults: Option<&[EngineConfig]>) -> Option<(u8, Record)> {
         let Some(engine) = place.checked_sub(1) else {
-            return Some((0, record::of_node(&self.settings, defaults.is_some())));
+            let changes = defaults.is_some();
+            return Some((0, record::of_node(&self.settings, changes, &self.wiring, self.image)));
         };
         if let Some(of) = self.engines.get(engine) {
             let default = defaults.and_then(|defaults| defaults.get(engine));
@@ -183,10 +202,10 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
 
     /// Whether this parameter is one of what is attached.
     fn is_attached(&self, place: Place, index: usize) -> bool {
-        let Some(row) = self.row(place, index).filter(|_| !self.attached.rows().is_empty()) else {
+        let Some(found) = self.parameter(place, index).filter(|_| !self.attached.rows().is_empty()) else {
             return false;
         };
-        find_row(Table::Attached(self.attached.rows()), &mut |other| core::ptr::eq(other, row)).is_some()
+        find_row(Table::Attached(self.attached.rows()), &mut |other| core::ptr::eq(other, found.row)).is_some()
     }
 
     /// Takes the result of the save that [`Service::next_save`] requested: the setting is answered, and is as before if it was
@@ -206,8 +225,8 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         let result = match result {
             Ok(()) => Ok(()),
             Err(why) => {
-                if let Some(row) = self.row(place, index) {
-                    self.restore(place, row, old);
+                if let Some(parameter) = self.parameter(place, index) {
+                    self.restore(place, parameter, old);
                 }
                 Err(match why {
                     NotSaved::Full => Refusal::StoreFull,
@@ -227,8 +246,8 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         index: usize,
         result: Result<(), Refusal>,
     ) {
-        let Some(row) = self.row(place, index) else { return };
-        let name = row.name;
+        let Some(parameter) = self.parameter(place, index) else { return };
+        let name = parameter.name();
         match result {
             Ok(()) => {
                 self.counters.parameters_set = self.counters.parameters_set.wrapping_add(1);
@@ -236,7 +255,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
                     let what = format_args!("{name} is not stored: it is lost with the power");
                     self.say(now, place, Severity::Warning, Some(port), what);
                 } else {
-                    let when = match row.effect {
+                    let when = match parameter.row.effect {
                         Effect::AtNextStart => Some("takes effect at the node's next start"),
                         Effect::AtRest if self.link_settings_wait(place) => {
                             Some("takes effect when the engine is at rest")
@@ -263,18 +282,18 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     }
 
     /// Gives a setting back its old value.
-    fn restore(&mut self, place: Place, row: &'static Row, old: i32) {
+    fn restore(&mut self, place: Place, parameter: Parameter, old: i32) {
+        let row = parameter.row;
         match place {
-            Place::Node => {
-                self.settings.set(row.name, old);
-            }
+            Place::Node => self.set_of_node(parameter, old),
             // Refused only where the engine has begun to turn: then the new one counts until the next start.
             Place::Engine(engine) if self.attached.number(engine, row.name).is_some() => {
                 let _ = self.attached.set(engine, row.name, old);
             }
             Place::Engine(engine) => {
                 let Some(engine) = self.engines.get_mut(engine) else { return };
-                if !engine.settings.set_own(row.name, old) && engine.config.change(row.name, old) {
+                if !engine.settings.set_own::<false>(row.name, old)
+                    && engine.config.change_parameter(row.name, old) {
                     // It was valid before.
                     let _ = Self::configure(engine, &engine.config, row);
                 }
@@ -307,15 +326,15 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     ) {
         let Some(place) = self.addressed(now, port, target) else { return };
         let name = Name::of(name);
-        let Some((index, row)) = self.position(place, name) else {
+        let Some((index, parameter)) = self.position(place, name) else {
             let why = Refusal::UnknownSetting;
             self.say(now, place, Severity::Warning, Some(port), format_args!("{name} not set: {why}"));
             return;
         };
-        let old = self.value(place, row.name).unwrap_or_default();
+        let old = self.value(place, parameter).unwrap_or_default();
         let result = match self.check(port, from.system, Kind::Acts) {
             Ok(()) if self.pending.is_full() => Err(Refusal::StoreBusy),
-            Ok(()) => self.set(place, row, value),
+            Ok(()) => self.set(place, parameter, value),
             Err(why) => Err(why),
         };
         self.keep(now, port, place, index, old, result);

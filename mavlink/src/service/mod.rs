@@ -35,6 +35,7 @@ use heapless::{Deque, Vec};
 #[cfg(feature = "record")]
 use jetlink::command::Command;
 use jetlink::config::EngineConfig;
+use jetlink::wiring::{Contradiction, Wiring};
 
 /// Time in which an autopilot is received, if there is one.
 const LISTEN: Duration = Duration::from_secs(3);
@@ -82,6 +83,11 @@ pub struct Service<'a, const N: usize, const P: usize, A: Attached = Nothing> {
     /// Of what is attached, on each port.
     streams: [A::Streams; P],
     settings: NodeSettings,
+    /// What each engine is wired to from the next start on, and in the image. None of an engine whose wiring is no parameter.
+    wiring: Vec<Wiring, N>,
+    image: &'a [Wiring],
+    /// The engine, from 0, that the stored wiring cannot have, and why.
+    contradiction: Option<(usize, Contradiction)>,
     /// As they were at the start: a change counts from the next one on.
     base: u8,
     autopilot_port: Option<usize>,
@@ -111,8 +117,10 @@ pub struct Service<'a, const N: usize, const P: usize, A: Attached = Nothing> {
     signing_sent: u8,
     reboot: bool,
     keeping: Keeping,
-    /// The stored settings are damaged, and nobody has confirmed the present ones: heartbeats until a text says so again. 0: they are not.
-    damaged: u8,
+    /// The stored settings are damaged, and nobody has confirmed the present ones.
+    damaged: bool,
+    /// Heartbeats until a text says again what is wrong with the settings.
+    until_text: u8,
     /// The current ones were nevertheless retained over the reset.
     are_retained: bool,
     /// All records have to be stored again, because the settings were confirmed.
@@ -192,6 +200,9 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             attached,
             streams: core::array::from_fn(|_| A::Streams::new(now)),
             settings,
+            wiring: Vec::new(),
+            image: &[],
+            contradiction: None,
             base: settings.identity.base,
             autopilot_port: usize::from(settings.identity.autopilot_port).checked_sub(1),
             texts: engines.iter().map(|_| Limiter::new(now)).collect(),
@@ -214,7 +225,8 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             signing_sent: 0,
             reboot: false,
             keeping: Keeping::ByBuilder,
-            damaged: 0,
+            damaged: false,
+            until_text: 0,
             are_retained: false,
             #[cfg(feature = "signing")]
             anew: false,
@@ -281,6 +293,11 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         &self.settings
     }
 
+    /// What each engine is wired to from the next start on, as the parameters have it.
+    pub fn wiring(&self) -> &[Wiring] {
+        &self.wiring
+    }
+
     /// The key and what else signing has to keep over a restart.
     pub fn signing(&self, now: Instant) -> SigningState {
         self.signing.state(now)
@@ -298,12 +315,12 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
 
     /// Whether the settings are lost, and nobody has confirmed the present ones.
     pub const fn is_damaged(&self) -> bool {
-        self.damaged != 0 && !self.are_retained
+        self.damaged && !self.are_retained
     }
 
     /// Whether a person has to confirm the present settings: what is stored is damaged.
     pub const fn has_to_be_confirmed(&self) -> bool {
-        self.damaged != 0
+        self.damaged
     }
 
     /// The system id on a port. While an autopilot is received that has not been learnt, and on the autopilot's port, there is

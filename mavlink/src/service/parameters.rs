@@ -10,10 +10,11 @@ use crate::ids::PARAM_REAL32;
 use crate::number::whole;
 use crate::port::{Class, List};
 use crate::refusal::Refusal;
-use crate::settings::{EngineSettings, NodeSettings, Table, find_row};
+use crate::settings::{EngineSettings, Name, NodeSettings, Parameter, Table, find_row};
 use embassy_time::{Duration, Instant};
 use jetlink::config::{EngineConfig, LinkSettings};
 use jetlink::setting::{Effect, Row, Setting};
+use jetlink::wiring::Wiring;
 use mavlink_core::types::CharArray;
 
 /// Time between two parameters of a list.
@@ -26,15 +27,21 @@ pub fn node_parameters() -> impl Iterator<Item = &'static Setting> {
     NodeSettings::TABLE.into_iter().flatten()
 }
 
+/// The parameters of the node for engine 1, behind all others of the node, with their texts. Another engine has its number in place of the 1 in each
+/// name, and its own behind those of the one before. `image` has the defaults.
+pub fn wiring_parameters(image: &Wiring) -> [Setting; Wiring::ROWS.len()] {
+    Wiring::table(image)
+}
+
 /// The parameters of an engine, in their order, with their texts.
 pub fn engine_parameters(config: &EngineConfig) -> impl Iterator<Item = &'static Setting> {
     config.settings().filter(|setting| setting.parameter).chain(EngineSettings::SETTINGS)
 }
 
 impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
-    pub(super) fn row(&self, place: Place, index: usize) -> Option<&'static Row> {
+    pub(super) fn parameter(&self, place: Place, index: usize) -> Option<Parameter> {
         let mut before = index;
-        self.find_row(place, &mut |_| {
+        self.find_parameter(place, &mut |_| {
             let is_it = before == 0;
             before = before.saturating_sub(1);
             is_it
@@ -42,18 +49,26 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     }
 
     /// The first parameter of a component that is the one.
-    pub(super) fn find_row(
+    pub(super) fn find_parameter(
         &self,
         place: Place,
-        is_it: &mut dyn FnMut(&'static Row) -> bool,
-    ) -> Option<&'static Row> {
+        is_it: &mut dyn FnMut(Parameter) -> bool,
+    ) -> Option<Parameter> {
+        let mut in_table = |table, wired| {
+            let row = find_row(table, &mut |row| is_it(Parameter { row, wired }))?;
+            Some(Parameter { row, wired })
+        };
         match place {
-            Place::Node => find_row(Table::Node, is_it),
+            Place::Node => {
+                let mut wirings = (1..).zip(&self.wiring);
+                in_table(Table::Node, 0)
+                    .or_else(|| wirings.find_map(|(engine, _)| in_table(Table::Wiring, engine)))
+            }
             Place::Engine(engine) => {
-                let found = find_row(Table::Engine(&self.engines.get(engine)?.config), is_it);
+                let found = in_table(Table::Engine(&self.engines.get(engine)?.config), 0);
                 let rows = self.attached.rows();
                 match found {
-                    None if !rows.is_empty() => find_row(Table::Attached(rows), is_it),
+                    None if !rows.is_empty() => in_table(Table::Attached(rows), 0),
                     found => found,
                 }
             }
@@ -62,45 +77,54 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
 
     fn count(&self, place: Place) -> usize {
         let mut count = 0;
-        self.find_row(place, &mut |_| {
+        self.find_parameter(place, &mut |_| {
             count += 1;
             false
         });
         count
     }
 
-    pub(super) fn position(&self, place: Place, name: Name<'_>) -> Option<(usize, &'static Row)> {
+    pub(super) fn position(&self, place: Place, name: Name) -> Option<(usize, Parameter)> {
         let mut before = 0;
-        let found = self.find_row(place, &mut |row| {
-            let is_it = row.name.as_bytes() == name.0;
+        let found = self.find_parameter(place, &mut |parameter| {
+            let is_it = parameter.name() == name;
             before += usize::from(!is_it);
             is_it
         });
-        found.map(|row| (before, row))
+        found.map(|parameter| (before, parameter))
     }
 
-    pub(super) fn value(&self, place: Place, name: &str) -> Option<i32> {
-        match place {
-            Place::Node => self.settings.number(name),
-            Place::Engine(engine) => {
+    pub(super) fn value(&self, place: Place, parameter: Parameter) -> Option<i32> {
+        let name = parameter.row.name;
+        match (place, usize::from(parameter.wired).checked_sub(1)) {
+            (Place::Node, Some(engine)) => self.wiring.get(engine)?.number(name),
+            (Place::Node, None) => self.settings.number(name),
+            (Place::Engine(engine), _) => {
                 let engine = self.engines.get(engine)?;
-                let own = engine.config.number(name).or_else(|| engine.settings.own(name));
+                let own = engine.config.parameter(name).or_else(|| engine.settings.own::<false>(name));
                 own.or_else(|| self.attached.number(place.engine()?, name))
             }
         }
     }
 
+    /// Changes a parameter of the node whose range has been checked.
+    pub(super) fn set_of_node(&mut self, parameter: Parameter, number: i32) {
+        let name = parameter.row.name;
+        match usize::from(parameter.wired).checked_sub(1) {
+            Some(engine) => self.wiring.get_mut(engine).is_some_and(|wiring| wiring.change(name, number)),
+            None => self.settings.set(name, number),
+        };
+    }
+
     /// Sends a parameter. False: there is none of this index.
     pub(super) fn send_parameter(&mut self, now: Instant, port: usize, place: Place, index: usize) -> bool {
-        let Some(row) = self.row(place, index) else { return false };
-        let Some(value) = self.value(place, row.name) else { return false };
-        let mut id = [0; 16];
-        id.iter_mut().zip(row.name.bytes()).for_each(|(slot, byte)| *slot = byte);
+        let Some(parameter) = self.parameter(place, index) else { return false };
+        let Some(value) = self.value(place, parameter) else { return false };
         let message = PARAM_VALUE_DATA {
             param_value: value as f32,
             param_count: u16::try_from(self.count(place)).unwrap_or(u16::MAX),
             param_index: u16::try_from(index).unwrap_or(u16::MAX),
-            param_id: CharArray::new(id),
+            param_id: CharArray::new(parameter.name().0),
             param_type: PARAM_REAL32,
         };
         self.send(now, port, place, Class::Answer, &message);
@@ -167,7 +191,8 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         }
     }
 
-    pub(super) fn set(&mut self, place: Place, row: &'static Row, value: f32) -> Result<(), Refusal> {
+    pub(super) fn set(&mut self, place: Place, parameter: Parameter, value: f32) -> Result<(), Refusal> {
+        let row = parameter.row;
         let name = row.name;
         let number = whole(value).ok_or(Refusal::NotWhole)?;
         if !row.allows(number) {
@@ -178,7 +203,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
                 if matches!(row.effect, Effect::UnlessTurning | Effect::AtNextStart) && self.any_turns() {
                     return Err(Refusal::Turns);
                 }
-                self.settings.set(name, number);
+                self.set_of_node(parameter, number);
             }
             Place::Engine(engine) if self.attached.number(engine, name).is_some() => {
                 self.attached.set(engine, name, number)?;
@@ -189,7 +214,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
                     return Err(Refusal::Turns);
                 }
                 let mut settings = engine.settings;
-                if settings.set_own(name, number) {
+                if settings.set_own::<false>(name, number) {
                     if settings.low >= settings.high {
                         return Err(Refusal::EndPoints);
                     }
@@ -197,7 +222,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
                 } else {
                     let mut config = engine.config;
                     // Its name and its range have been checked.
-                    if !config.change(name, number) {
+                    if !config.change_parameter(name, number) {
                         return Err(Refusal::UnknownSetting);
                     }
                     Self::configure(engine, &config, row)?;
@@ -220,23 +245,5 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
             }
             _ => engine.setup.configure(&config.supervision).map_err(|_| Refusal::OutOfRange(row)),
         }
-    }
-}
-
-/// A name that was received.
-#[derive(Clone, Copy)]
-pub(super) struct Name<'a>(&'a [u8]);
-
-impl<'a> Name<'a> {
-    /// Of 16 letters, or of fewer that zeros follow.
-    pub fn of(bytes: &'a [u8]) -> Self {
-        let end = bytes.iter().position(|&byte| byte == 0).unwrap_or(bytes.len());
-        Self(bytes.get(..end).unwrap_or_default())
-    }
-}
-
-impl core::fmt::Display for Name<'_> {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        self.0.iter().try_for_each(|&byte| core::fmt::Write::write_char(f, byte.into()))
     }
 }

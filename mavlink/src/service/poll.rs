@@ -62,7 +62,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         self.report_attached(now);
         if now >= self.next_heartbeat {
             self.next_heartbeat = now + HEARTBEAT_EVERY;
-            self.report_damage(now);
+            self.report_settings(now);
             self.send_signing(now);
             for port in 0..self.ports.len() {
                 self.send_heartbeat(now, port, Place::Node);

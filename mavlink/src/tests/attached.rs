@@ -10,7 +10,7 @@ use crate::service::Keeping;
 use crate::service::parameters::engine_parameters;
 use crate::store::NotSaved;
 use embassy_time::Instant;
-use jetlink::setting::{Effect, Row};
+use jetlink::setting::{Effect, Row, Unit};
 use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
 use std::rc::Rc;
@@ -18,7 +18,7 @@ use std::string::{String, ToString};
 use std::vec::Vec;
 
 const fn row(name: &'static str, effect: Effect) -> Row {
-    Row { name, min: 0, max: 100, may_be_off: true, effect, parameter: true }
+    Row { name, unit: Unit::Number, min: 0, max: 100, may_be_off: true, effect }
 }
 
 const ROWS: &[&[Row]] =

@@ -15,4 +15,5 @@ mod signing;
 mod store;
 mod streams;
 mod throttle;
+mod wiring;
 mod world;

@@ -4,7 +4,7 @@
 use super::world::*;
 use crate::record;
 use crate::service::Keeping;
-use crate::settings::{EngineSettings, NodeSettings, engine_rows};
+use crate::settings::{EngineSettings, NodeSettings, Table, find_row};
 use crate::store::{AtRest, Flash, Found, NotSaved, Store};
 use embassy_futures::block_on;
 use embassy_time::{Duration, Instant, Timer};
@@ -13,6 +13,7 @@ use fastrand::Rng;
 use jetlink::config::{EngineConfig, validate};
 use jetlink::ecu::zk::codec::Rate;
 use jetlink::line::Line;
+use jetlink::setting::Row;
 use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::rc::Rc;
@@ -490,32 +491,43 @@ fn a_memory_that_takes_nothing_and_reports_no_error_is_found_out() {
     assert_eq!((found, records), (Found::Whole, expected));
 }
 
+/// The parameters of an engine.
+fn rows(config: &EngineConfig) -> Vec<&'static Row> {
+    let mut rows = Vec::new();
+    find_row(Table::Engine(config), &mut |row| {
+        rows.push(row);
+        false
+    });
+    rows
+}
+
 #[test]
 fn settings_go_into_a_record_and_come_back() {
     let amt = EngineConfig::amt("amt", 0, Line::new(9600), None);
     let zk = EngineConfig::zk("zk", 1, Line::new(9600), Rate::Hz20);
     for default in [amt, zk] {
         let (mut config, mut settings) = (default, EngineSettings::DEFAULT);
-        for row in engine_rows(&default) {
+        for row in rows(&default) {
             let value = if row.max > row.min + 1 { row.max - 1 } else { row.max };
-            if row.name != "MAV_THR_MIN" && !settings.set_own(row.name, value) {
+            if row.name != "MAV_THR_MIN" && !settings.set_own::<false>(row.name, value) {
                 let mut new = config;
-                if new.change(row.name, value) && validate(&[new]).is_ok() {
+                if new.change_parameter(row.name, value) && validate(&[new]).is_ok() {
                     config = new;
                 }
             }
         }
         let record = record::of_engine(&config, &settings, None);
-        assert_eq!(record.len(), 1 + 6 * engine_rows(&default).count(), "all fit");
+        assert_eq!(record.len(), 1 + 6 * rows(&default).len(), "all fit");
         let (mut found, mut own) = (default, EngineSettings::DEFAULT);
         record::apply_to_engine(&mut found, &mut own, &record);
         assert_eq!((found, own), (config, settings));
         assert_ne!((found, own), (default, EngineSettings::DEFAULT));
         // No two names have the same digest.
-        let mut hashes: Vec<_> = engine_rows(&default).map(|row| record::hash(row.name)).collect();
+        let rows = rows(&default);
+        let mut hashes: Vec<_> = rows.iter().map(|row| record::hash(row.name)).collect();
         hashes.sort_unstable();
         hashes.dedup();
-        assert_eq!(hashes.len(), engine_rows(&default).count());
+        assert_eq!(hashes.len(), rows.len());
     }
     // A record of another ECU, a torn one, or one with values that are out of range changes nothing.
     let of_zk = record::of_engine(&zk, &EngineSettings { output: 9, ..EngineSettings::DEFAULT }, None);
@@ -529,7 +541,7 @@ fn settings_go_into_a_record_and_come_back() {
     let mut node = NodeSettings::DEFAULT;
     assert!(node.set("MAV_GCS_2", 77));
     let mut found = NodeSettings::DEFAULT;
-    record::apply_to_node(&mut found, &record::of_node(&node, false));
+    record::apply_to_node(&mut found, &mut [], &record::of_node(&node, false, &[], &[]));
     assert_eq!(found, node);
 }
 

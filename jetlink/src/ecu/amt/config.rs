@@ -29,8 +29,12 @@ impl Config {
     /// baud.
     pub const TIMING: Timing = Timing { up_after: 2, lost_after: Duration::from_secs(1) };
 
-    pub(crate) fn identity(self) -> [u8; 2] {
-        [1, self.engine.map_or(0, |engine| engine as u8 + 1)]
+    pub(crate) const fn identity(self) -> [u8; 2] {
+        let engine = match self.engine {
+            Some(engine) => engine as u8 + 1,
+            None => 0,
+        };
+        [1, engine]
     }
 
     /// Checks the settings, and that a line can carry the protocol.

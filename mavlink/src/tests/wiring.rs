@@ -1,0 +1,242 @@
+//! What engines are wired to, as parameters of the node.
+
+use super::world::*;
+use crate::dialect::*;
+use crate::record;
+use crate::service::Keeping;
+use crate::service::parameters::{node_parameters, wiring_parameters};
+use crate::settings::NodeSettings;
+use jetlink::config::EngineConfig;
+use jetlink::ecu::amt::codec::EngineModel;
+use jetlink::ecu::zk::codec::Rate;
+use jetlink::line::Line;
+use jetlink::wiring::{Contradiction, Wiring};
+use std::collections::BTreeSet;
+use std::string::{String, ToString};
+use std::vec::Vec;
+
+/// Of the engines of the world.
+const IMAGE: [Wiring; 2] = [
+    Wiring::of(&EngineConfig::amt("left", 0, Line::new(9600), None)),
+    Wiring::of(&EngineConfig::zk("right", 1, Line::new(9600), Rate::Hz20)),
+];
+
+/// Names and values of the node's parameters.
+async fn listed(world: &World<'_>) -> Vec<(String, f32)> {
+    let at = world.frames.borrow().len();
+    let request = PARAM_REQUEST_LIST_DATA { target_system: SYSTEM, target_component: NODE };
+    world.say(TO_GROUND, GROUND, &request);
+    world.pass(5.0).await;
+    let frames = world.frames.borrow();
+    let mut listed = Vec::new();
+    for (_, port, frame) in frames.iter().skip(at) {
+        if let (TO_GROUND, MavMessage::PARAM_VALUE(value)) = (*port, &frame.message()) {
+            assert_eq!(usize::from(value.param_index), listed.len());
+            listed.push((value.param_id.to_str().unwrap().into(), value.param_value));
+        }
+    }
+    listed
+}
+
+#[test]
+fn wiring_of_each_engine_is_listed_behind_the_other_parameters_of_the_node() {
+    run(async |world| {
+        world.ready().await;
+        let own: Vec<String> = node_parameters().map(|row| row.name.to_string()).collect();
+        let without: Vec<_> = listed(world).await.into_iter().map(|(name, _)| name).collect();
+        assert_eq!(without, own, "a node whose wiring is no parameter");
+        world.service.borrow_mut().set_wiring(&IMAGE, &IMAGE, None);
+        let all = listed(world).await;
+        let mut expected: Vec<(String, f32)> = Vec::new();
+        for (engine, wiring) in IMAGE.iter().enumerate() {
+            for row in wiring_parameters(wiring) {
+                let name = row.name.replacen('1', &(engine + 1).to_string(), 1);
+                expected.push((name, row.default as f32));
+            }
+        }
+        assert_eq!(all[own.len()..], expected);
+        assert_eq!((expected[0].0.as_str(), expected[11].0.as_str()), ("E1_PORT", "E2_ZK_RATE"));
+        // With six engines, as many as an image may have.
+        assert!(own.len() + 6 * wiring_parameters(&IMAGE[0]).len() <= 60);
+    });
+}
+
+#[test]
+fn wiring_is_set_counts_from_the_next_start_on_and_changes_nothing_before() {
+    run(async |world| {
+        world.ready().await;
+        world.service.borrow_mut().set_wiring(&IMAGE, &IMAGE, None);
+        let before: Vec<_> = world.service.borrow().engine_settings().map(|(config, _)| *config).collect();
+        // Two ports change places: in between they contradict each other.
+        for (name, value) in [
+            ("E1_PORT", 1.0),
+            ("E2_PORT", 0.0),
+            ("E1_PROTO", 2.0),
+            ("E2_PROTO", 1.0),
+            ("E1_BAUD", 115_200.0),
+            ("E1_STOP", 2.0),
+            ("E1_ZK_RATE", 50.0),
+            ("E2_AMT_ENGINE", 3.0),
+        ] {
+            let (echo, text) = world.set(NODE, name, value).await;
+            assert_eq!(echo, Some(value), "{name}: {text}");
+            assert!(text.contains(&std::format!("{name} counts from the node's next start on")), "{text}");
+        }
+        let service = world.service.borrow();
+        let wiring: Vec<_> = service.wiring().to_vec();
+        let mut engines: [EngineConfig; 2] = [before[0], before[1]];
+        wiring.iter().zip(&mut engines).for_each(|(wiring, engine)| wiring.apply(engine));
+        assert_eq!((engines[0].port, engines[0].line), (1, Line::with_two_stop_bits(115_200)));
+        assert_eq!(engines[0].ecu, EngineConfig::zk("left", 1, engines[0].line, Rate::Hz50).ecu);
+        let olympus = EngineConfig::amt("right", 0, Line::new(9600), Some(EngineModel::Olympus));
+        assert_eq!((engines[1].port, engines[1].line, engines[1].ecu), (0, olympus.line, olympus.ecu));
+        let after: Vec<_> = service.engine_settings().map(|(config, _)| *config).collect();
+        assert_eq!(before, after, "what is in force");
+    });
+}
+
+#[test]
+fn wiring_out_of_its_range_is_refused_with_what_there_is() {
+    run(async |world| {
+        world.ready().await;
+        world.service.borrow_mut().set_wiring(&IMAGE, &IMAGE, None);
+        for (name, value, old, why) in [
+            ("E1_PORT", 16.0, 0.0, "use 0 to 15"),
+            ("E1_PROTO", 0.0, 1.0, "use 1 to 2"),
+            ("E1_PROTO", 3.0, 1.0, "use 1 to 2"),
+            ("E2_BAUD", 9601.0, 9600.0, "use 2400, 4800, 9600, 19200, 38400, 57600 or 115200"),
+            ("E2_BAUD", 1200.0, 9600.0, "or 115200"),
+            ("E1_STOP", 3.0, 1.0, "use 1 to 2"),
+            ("E1_AMT_ENGINE", 8.0, 0.0, "use 0 to 7"),
+            ("E2_ZK_RATE", 33.0, 20.0, "use 20, 50 or 100"),
+            ("TELEM_BAUD", 100_000.0, 57_600.0, "or 115200"),
+        ] {
+            let (echo, text) = world.set(NODE, name, value).await;
+            assert_eq!(echo, Some(old), "{name}: {text}");
+            assert!(text.contains("not set") && text.contains(why), "{name}: {text}");
+        }
+        assert_eq!(world.service.borrow().wiring(), IMAGE);
+        for name in ["E0_PORT", "E3_PORT", "E_PORT", "PORT"] {
+            let (echo, text) = world.set(NODE, name, 1.0).await;
+            assert!(echo.is_none() && text.contains("no parameter has this name"), "{name}: {text}");
+        }
+        assert_eq!(world.set(NODE, "TELEM_BAUD", 115_200.0).await.0, Some(115_200.0));
+    });
+}
+
+#[test]
+fn wiring_is_refused_while_an_engine_turns_and_set_when_it_is_at_rest() {
+    run(async |world| {
+        world.ready().await;
+        world.service.borrow_mut().set_wiring(&IMAGE, &IMAGE, None);
+        assert_eq!(world.set(NODE, "E1_PORT", 2.0).await.0, Some(2.0));
+        world.start(1).await;
+        for (name, old) in [("E1_PORT", 2.0), ("E2_PORT", 1.0), ("TELEM_BAUD", 57_600.0)] {
+            let (echo, text) = world.set(NODE, name, if old > 9.0 { 9600.0 } else { 5.0 }).await;
+            assert_eq!(echo, Some(old), "{name}");
+            assert!(text.contains("an engine turns"), "{text}");
+        }
+    });
+}
+
+/// Of the record of the node, as a start reads it.
+fn read(record: &[u8]) -> (NodeSettings, [Wiring; 2]) {
+    let (mut node, mut wiring) = (NodeSettings::DEFAULT, IMAGE);
+    record::apply_to_node(&mut node, &mut wiring, record);
+    (node, wiring)
+}
+
+#[test]
+fn a_record_of_the_node_has_the_wiring_that_differs_from_the_image_and_no_other() {
+    let mut node = NodeSettings::DEFAULT;
+    assert!(node.set("MAV_GCS_2", 77));
+    let mut wiring = IMAGE;
+    let empty = record::of_node(&node, false, &wiring, &IMAGE);
+    assert_eq!(read(&empty), (node, IMAGE));
+    for (name, number) in [("E1_PORT", 7), ("E1_BAUD", 115_200), ("E1_ZK_RATE", 100), ("E1_AMT_ENGINE", 7)] {
+        assert!(wiring[1].change(name, number), "{name}");
+        let stored = record::of_node(&node, false, &wiring, &IMAGE);
+        assert_eq!(stored.len(), empty.len() + 6, "one number has all of it");
+        assert_eq!(read(&stored), (node, wiring), "{name}");
+        // Where it is as in the image, another image has its own.
+        let (mut other, mut image) = (NodeSettings::DEFAULT, [Wiring::of(&OTHER); 2]);
+        record::apply_to_node(&mut other, &mut image, &stored);
+        assert_eq!((other, image), (node, [Wiring::of(&OTHER), wiring[1]]));
+        // What is damaged, and no wiring, changes nothing.
+        let mut damaged = stored.clone();
+        damaged.iter_mut().rev().take(4).for_each(|byte| *byte = 0xFF);
+        assert_eq!(read(&damaged), (node, IMAGE));
+        let all = record::of_node(&node, true, &wiring, &IMAGE);
+        assert_eq!(read(&all), (node, wiring), "in RAM, too");
+    }
+    // With eight engines there is space for all.
+    let changed = [wiring[1]; 8];
+    let all = record::of_node(&node, false, &changed, &[IMAGE[0]; 8]);
+    assert_eq!(all.len(), empty.len() + 8 * 6);
+    let hashes: BTreeSet<u16> = (0..8)
+        .map(record::hash_of_wiring)
+        .chain(node_parameters().map(|row| record::hash(row.name)))
+        .collect();
+    assert_eq!(hashes.len(), 8 + node_parameters().count());
+}
+
+const OTHER: EngineConfig = EngineConfig::zk("other", 5, Line::new(57_600), Rate::Hz50);
+
+#[test]
+fn wiring_is_stored_with_the_node_and_is_as_before_if_it_cannot_be() {
+    use crate::store::NotSaved;
+    use embassy_time::Instant;
+    run(async |world| {
+        world.ready().await;
+        {
+            let mut service = world.service.borrow_mut();
+            service.set_wiring(&IMAGE, &IMAGE, None);
+            service.set_keeping(Keeping::Stored);
+        }
+        for (result, stays) in [(Ok(()), 4.0), (Err(NotSaved::Failed), 4.0)] {
+            let new = if result.is_ok() { 4.0 } else { 5.0 };
+            assert_eq!(world.set(NODE, "E2_PORT", new).await, (None, String::new()));
+            let (key, stored) = world.service.borrow_mut().next_save().unwrap();
+            assert_eq!((key, read(&stored).1[1].port, read(&stored).1[0]), (0, new as u8, IMAGE[0]));
+            let at = world.frames.borrow().len();
+            world.service.borrow_mut().saved(Instant::now(), result);
+            world.pass(0.2).await;
+            assert_eq!(world.answers(at).0, Some(stays));
+        }
+    });
+}
+
+#[test]
+fn wiring_that_contradicts_itself_is_said_on_every_port_and_engines_start_all_the_same() {
+    run(async |world| {
+        world.ready().await;
+        let mut stored = IMAGE;
+        assert!(stored[1].change("E1_PORT", 0));
+        world.service.borrow_mut().set_wiring(&stored, &IMAGE, Some((1, Contradiction::SamePort)));
+        let at = world.frames.borrow().len();
+        world.pass(25.0).await;
+        for port in [TO_AUTOPILOT, TO_GROUND] {
+            let frames = world.frames.borrow();
+            let texts = frames.iter().skip(at).filter_map(|(_, to, frame)| match &frame.message() {
+                MavMessage::STATUSTEXT(text) if *to == port && frame.from.component == ENGINE[1] => {
+                    Some((text.severity, text.text.to_str().unwrap().to_string()))
+                }
+                _ => None,
+            });
+            let said: Vec<_> = texts.filter(|(_, text)| text.starts_with("right: wiring as in the image")).collect();
+            assert!((2..=3).contains(&said.len()) && said.iter().all(|(severity, _)| *severity == 3), "{said:?}");
+        }
+        assert!(world.texts().replace('\n', "").contains("not as stored: two engines on one port"), "{}", world.texts());
+        // It can be looked at and corrected.
+        assert_eq!(world.set(NODE, "E2_PORT", 1.0).await.0, Some(1.0));
+        world.start(0).await;
+        let at = world.frames.borrow().len();
+        world.service.borrow_mut().set_wiring(&IMAGE, &IMAGE, None);
+        world.pass(25.0).await;
+        let frames = world.frames.borrow();
+        let said = frames.iter().skip(at).any(|(_, _, frame)| {
+            matches!(&frame.message(), MavMessage::STATUSTEXT(text) if text.text.to_str().unwrap().contains("wiring"))
+        });
+        assert!(!said, "without a contradiction nothing is said");
+    });
+}
