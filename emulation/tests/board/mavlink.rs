@@ -465,7 +465,8 @@ fn engines_that_change_ports_and_protocols_are_wired_so_after_a_restart_by_comma
         assert_eq!(report.ecu::<ZkEcu>(fourth).turbine().phase(), Phase::Running, "{texts}");
         let amt = report.ecu::<AmtEcu>(first);
         assert_eq!(amt.turbine().phase(), Phase::Stopped, "{texts}");
-        assert!(amt.commands.iter().any(|(at, each)| *at > 40 * SECOND && each.ops == Ops::Standby), "{texts}");
+        let last: Vec<_> = amt.commands.iter().filter(|(at, _)| *at > 40 * SECOND).collect();
+        assert!(last.len() > 10 && last.iter().all(|(_, each)| each.ops != Ops::Run), "{texts}");
         assert!(client.state(LEFT, 41 * SECOND) == 7 && client.state(LEFT + 3, 41 * SECOND) == 3, "{texts}");
     });
 }
@@ -482,8 +483,8 @@ fn stored_wiring_that_contradicts_itself_leaves_that_of_the_image_and_engines_st
         let client: &Client = report.ecu(port);
         let texts = format!("{}: {:#?}\n{}", board.name, client.texts(), report.log_text());
         let why = "booster: wiring as in the image, not as stored";
-        let logged = report.lines(&format!("{why}: two engines on one port")).filter(|log| log.at > REWIRED);
-        assert_eq!(logged.count(), 1, "{texts}");
+        let whole = format!("{why}: two engines on one port");
+        assert_eq!(report.lines(&whole).filter(|log| log.at > REWIRED).count(), 1, "{texts}");
         let errors = report.logs.iter().filter(|log| log.level == "error").count();
         assert_eq!(errors, 1, "{texts}");
         assert!(client.texts().iter().filter(|text| text.starts_with(why)).count() >= 2, "{texts}");

@@ -21,4 +21,5 @@ mod runner_watch;
 mod supervision;
 mod support;
 mod vectors;
+mod wiring;
 mod zk_link;

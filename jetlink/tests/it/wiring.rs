@@ -1,0 +1,166 @@
+//! What an engine is wired to, as numbers.
+
+use jetlink::config::EngineConfig;
+use jetlink::ecu::EcuConfig;
+use jetlink::ecu::amt::codec::EngineModel;
+use jetlink::ecu::zk::codec::Rate;
+use jetlink::engine::retained::{Reset, RetainedMemory, RetainedState};
+use jetlink::command::{Order, Origin};
+use jetlink::line::{Line, StopBits, Timing};
+use jetlink::wiring::{Contradiction, Ports, Wiring, check};
+
+const AMT: EngineConfig = EngineConfig::amt("amt", 0, Line::new(2400), Some(EngineModel::Titan));
+const ZK: EngineConfig = EngineConfig::zk("zk", 1, Line::with_two_stop_bits(115_200), Rate::Hz100);
+const SIX: Ports = Ports { count: 6, taken: Some(5), two_stop_bits: true };
+
+/// Every wiring that its rows allow.
+fn all() -> Vec<Wiring> {
+    let mut all = Vec::new();
+    for (port, protocol, stop) in [(0, 1, 1), (15, 2, 2), (7, 1, 2), (1, 2, 1)] {
+        for baud in Line::BAUD_RATES {
+            for engine in 0..=7 {
+                for rate in [20, 50, 100] {
+                    let mut wiring = Wiring::of(&AMT);
+                    let numbers = [port, protocol, baud as i32, stop, engine, rate];
+                    for (row, number) in Wiring::ROWS.iter().zip(numbers) {
+                        assert!(row.allows(number) && wiring.change(row.name, number), "{}", row.name);
+                        assert_eq!(wiring.number(row.name), Some(number));
+                    }
+                    all.push(wiring);
+                }
+            }
+        }
+    }
+    all
+}
+
+#[test]
+fn wiring_is_one_number_and_back() {
+    for wiring in all() {
+        assert_eq!(Wiring::unpacked(wiring.packed()), Some(wiring));
+    }
+    // What is none, for example of RAM after a power-up, is none.
+    let odd = (0..100_000_u32).map(|i| i.wrapping_mul(0x9E37_79B9).rotate_left(i % 32));
+    for number in odd.chain([0, u32::MAX]) {
+        assert!(Wiring::unpacked(number).is_none_or(|wiring| wiring.packed() == number), "{number:#x}");
+    }
+    let whole = Wiring::of(&ZK).packed();
+    assert_eq!(Wiring::unpacked(whole | 1 << 31), None);
+}
+
+#[test]
+fn numbers_that_are_no_rate_are_not_allowed() {
+    let rows = |name| Wiring::ROWS.iter().find(|row| row.name == name).unwrap();
+    for number in 2400..=115_200 {
+        assert_eq!(rows("E1_BAUD").allows(number), Line::new(number as u32).is_printed_rate(), "{number}");
+    }
+    for number in 0..=200 {
+        let is_one = Rate::ALL.iter().any(|rate| rate.hz() == number as u32);
+        assert_eq!(rows("E1_ZK_RATE").allows(number), is_one, "{number}");
+    }
+}
+
+#[test]
+fn wiring_of_an_engine_gives_the_same_engine_back() {
+    for engine in [AMT, ZK, EngineConfig::amt("none", 3, Line::new(9600), None)] {
+        let mut same = engine;
+        assert!(same.set("LOSS_HOLD", 5).is_ok() && same.set("LINK_LOST", 2000).is_ok());
+        let before = same;
+        Wiring::of(&engine).apply(&mut same);
+        assert_eq!(same, before, "settings stay");
+    }
+    for wiring in all() {
+        let mut engine = ZK;
+        wiring.apply(&mut engine);
+        assert_eq!(engine.ecu.protocol_number(), wiring.protocol);
+        let found = Wiring::of(&engine);
+        // What another protocol has is not in the engine.
+        let (amt, zk) = (found.amt_engine == wiring.amt_engine, found.zk_rate == wiring.zk_rate);
+        assert!(if wiring.protocol == 1 { amt } else { zk });
+        assert_eq!((found.port, found.baud, found.stop_bits), (wiring.port, wiring.baud, wiring.stop_bits));
+    }
+}
+
+#[test]
+fn another_protocol_has_its_own_settings_and_another_fingerprint() {
+    let mut engine = AMT;
+    assert!(engine.set("LOSS_HOLD", 5).is_ok() && engine.set("AMT_GUARD", 700).is_ok());
+    let mut wiring = Wiring::of(&engine);
+    assert!(wiring.change("E1_PROTO", 2) && wiring.change("E1_ZK_RATE", 50));
+    wiring.apply(&mut engine);
+    let zk = EngineConfig::zk("amt", 0, Line::new(2400), Rate::Hz50);
+    assert_eq!((engine.ecu, engine.timing), (zk.ecu, zk.ecu.timing()));
+    assert_eq!(engine.supervision.number("LOSS_HOLD"), Some(5), "supervision stays");
+    assert_ne!(engine.fingerprint(), AMT.fingerprint());
+    assert_eq!(engine.fingerprint(), zk.fingerprint());
+    wiring = Wiring::of(&AMT);
+    wiring.apply(&mut engine);
+    assert!(matches!(engine.ecu, EcuConfig::Amt(config) if config.engine == Some(EngineModel::Titan)));
+    assert_eq!(engine.timing, Timing { ..AMT.timing });
+}
+
+#[test]
+fn what_a_board_cannot_have_is_found_with_its_row_and_why() {
+    let wired = |changes: &[(usize, &str, i32)]| {
+        let mut engines = [AMT, ZK];
+        for (row, name, number) in changes {
+            let mut wiring = Wiring::of(&engines[*row]);
+            assert!(wiring.change(name, *number));
+            wiring.apply(&mut engines[*row]);
+        }
+        check(&engines, SIX)
+    };
+    assert_eq!(wired(&[]), Ok(()));
+    // Two ports change places.
+    assert_eq!(wired(&[(0, "E1_PORT", 1), (1, "E1_PORT", 0)]), Ok(()));
+    for (changes, row, why) in [
+        (&[(0, "E1_PORT", 1)][..], 1, Contradiction::SamePort),
+        (&[(1, "E1_PORT", 6)], 1, Contradiction::NoSuchPort),
+        (&[(0, "E1_PORT", 5)], 0, Contradiction::Taken),
+        (&[(1, "E1_PROTO", 1)], 1, Contradiction::StopBits),
+        (&[(1, "E1_BAUD", 4800)], 1, Contradiction::RateTooFast),
+    ] {
+        assert_eq!(wired(changes), Err((row, why)), "{changes:?}");
+        assert!(why.message().is_ascii() && why.to_string() == why.message());
+    }
+    let one = Ports { two_stop_bits: false, ..SIX };
+    assert_eq!(check(&[AMT, ZK], one), Err((1, Contradiction::StopBits)));
+    assert_eq!(ZK.line.stop_bits, StopBits::Two);
+    let mut slow = EngineConfig::amt("slow", 0, Line::new(9600), None);
+    assert!(slow.set("AMT_GUARD", 20_000).is_ok());
+    assert_eq!(check(&[slow], SIX), Ok(()));
+    slow.line = Line::new(2400);
+    assert_eq!(check(&[slow], SIX), Err((0, Contradiction::Setting)));
+}
+
+/// Whoever's record it is, and after a loss of power, too: a firmware that has to know it before it reads settings does not know the engine.
+#[test]
+fn a_record_says_whether_its_engine_was_at_rest_to_one_that_does_not_know_the_engine() {
+    use jetlink::command::Demand;
+    use jetlink::units::Throttle;
+    let run = Order::Run(Demand::Throttle(Throttle::IDLE));
+    let state = |order, change: fn(&mut RetainedState)| {
+        let mut state = RetainedState { ran: false, ..RetainedState::new(order, Origin::Bench) };
+        change(&mut state);
+        state
+    };
+    for (state, at_rest) in [
+        (state(Order::Standby, |_| {}), true),
+        (state(Order::Listen, |_| {}), true),
+        (state(Order::EmergencyStop, |_| {}), true),
+        (state(run, |state| state.starting = 1), false),
+        (state(run, |state| state.ran = true), false),
+        (state(Order::Listen, |state| state.ran = true), false),
+        (state(Order::Pwm, |state| state.ran = true), false),
+        (state(Order::Standby, |state| state.pump_open = true), false),
+    ] {
+        let memory = RetainedMemory::new();
+        memory.store(&state, AMT.fingerprint());
+        for (fingerprint, reset) in
+            [(AMT.fingerprint(), Reset::Warm), (0, Reset::Warm), (0, Reset::PowerLost)]
+        {
+            let found = memory.load(fingerprint, reset).map(|record| record.is_at_rest());
+            assert_eq!(found, Some(at_rest), "{state:?}");
+        }
+    }
+}
