@@ -179,11 +179,7 @@ struct Built {
 /// Sets up all engines, MAVLink and radio control with the settings that are stored. Not inlined: the settings are on the stack until
 /// all have them, and `main` never returns its stack.
 #[inline(never)]
-fn build(
-    reset: Reset,
-    oscillator: Oscillator,
-    outputs: &mut Option<crate::outputs::All>,
-) -> Built {
+fn build(reset: Reset, oscillator: Oscillator, outputs: &mut Option<crate::outputs::All>) -> Built {
     let mut settings = Settings::new();
     crate::mavlink::load(&mut settings);
     let lines = settings.engines.each_ref().map(|engine| (engine.port, engine.line));

@@ -156,8 +156,8 @@ pub fn load(settings: &mut Settings) {
     if found == Found::Damaged || !stores {
         *settings = Settings::new();
         settings.wire();
-        settings.retained =
-            SETTINGS.load(fingerprint(&ENGINES, &wiring::IMAGE), &mut |key, record| settings.apply(key, record));
+        settings.retained = SETTINGS
+            .load(fingerprint(&ENGINES, &wiring::IMAGE), &mut |key, record| settings.apply(key, record));
     }
     match (found, settings.retained) {
         (Found::Whole, _) => defmt::info!("settings: loaded from storage"),

@@ -259,14 +259,8 @@ pub fn find_parameter(
 /// The rows of a table.
 #[doc(hidden)]
 pub const fn rows<const N: usize>(settings: &[Setting]) -> [Row; N] {
-    let empty = Row {
-        name: "",
-        unit: Unit::Number,
-        min: 0,
-        max: 0,
-        may_be_off: false,
-        effect: Effect::AtOnce,
-    };
+    let empty =
+        Row { name: "", unit: Unit::Number, min: 0, max: 0, may_be_off: false, effect: Effect::AtOnce };
     let mut rows = [empty; N];
     let mut i = 0;
     while i < N {
@@ -454,7 +448,9 @@ pub mod kind {
             #[allow(dead_code, reason = "some kinds occur only inside an optional one")]
             pub mod $name {
                 #[allow(unused_imports, reason = "not every kind needs all of them")]
-                use super::{I16, OFF, U8, U16, U31, clamp, from_milliseconds, milliseconds, throttle_of, within};
+                use super::{
+                    I16, OFF, U8, U16, U31, clamp, from_milliseconds, milliseconds, throttle_of, within,
+                };
                 #[allow(unused_imports, reason = "not every kind needs all of them")]
                 use crate::units::{BaudRate, Celsius, Millivolts, Rpm, Throttle};
                 #[allow(unused_imports, reason = "not every kind needs all of them")]

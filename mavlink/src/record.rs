@@ -100,9 +100,9 @@ fn values(kind: u8, record: &[u8]) -> impl Iterator<Item = (u16, i32)> {
         _ => &[],
     };
     let (values, _) = values.as_chunks();
-    values.iter().map(|&[h0, h1, v0, v1, v2, v3]| {
-        (u16::from_le_bytes([h0, h1]), i32::from_le_bytes([v0, v1, v2, v3]))
-    })
+    values
+        .iter()
+        .map(|&[h0, h1, v0, v1, v2, v3]| (u16::from_le_bytes([h0, h1]), i32::from_le_bytes([v0, v1, v2, v3])))
 }
 
 /// The values of a record that fit the rows. What is not known any more, or out of its range now, is left out.
@@ -135,7 +135,9 @@ pub(crate) fn of_engine(
     default: Option<&EngineConfig>,
 ) -> Record {
     write(kind(config), Table::Engine(config), &|name| {
-        let of = |config: &EngineConfig, own: &EngineSettings| config.parameter(name).or_else(|| own.own::<false>(name));
+        let of = |config: &EngineConfig, own: &EngineSettings| {
+            config.parameter(name).or_else(|| own.own::<false>(name))
+        };
         let value = of(config, settings);
         value.filter(|_| default.is_none_or(|default| of(default, &EngineSettings::DEFAULT) != value))
     })

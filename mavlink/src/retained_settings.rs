@@ -15,8 +15,9 @@ const HEAD: usize = 4;
 #[inline(never)]
 pub fn fingerprint(engines: &[EngineConfig], wiring: &[Wiring]) -> u32 {
     let node = Checksum::new().bytes(&of_node(&NodeSettings::DEFAULT, false, &[], &[]));
-    let engines =
-        engines.iter().fold(node, |sum, engine| sum.bytes(&of_engine(engine, &EngineSettings::DEFAULT, None)));
+    let engines = engines
+        .iter()
+        .fold(node, |sum, engine| sum.bytes(&of_engine(engine, &EngineSettings::DEFAULT, None)));
     wiring.iter().fold(engines, |sum, wiring| sum.words(&[wiring.packed()])).value()
 }
 

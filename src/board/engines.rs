@@ -2,9 +2,9 @@
 
 #[cfg(feature = "board-qemu-mps2")]
 use super::qemu_mps2::PORTS;
+use super::retained::RetainedWord;
 #[cfg(feature = "stm32")]
 use super::table::PORTS;
-use super::retained::RetainedWord;
 use jetlink::engine::retained::RetainedMemory;
 use jetlink_fw::config::ENGINES;
 

@@ -82,7 +82,5 @@ pub use {
     outputs::drive_output,
     port::{EcuPort, open},
     stm32::{Led, Watchdog, start_engine_executor},
-    table::{
-        INVERTS_RX, NAME, OUTPUTS, OUTPUTS_LOW_BEFORE, PORTS, TELEMETRY_PORT, TWO_STOP_BITS, init,
-    },
+    table::{INVERTS_RX, NAME, OUTPUTS, OUTPUTS_LOW_BEFORE, PORTS, TELEMETRY_PORT, TWO_STOP_BITS, init},
 };

@@ -210,7 +210,10 @@ fn valve_of_an_engine_on_another_port_stays_open_in_flight_over_a_reset() {
             .go_unchecked();
         let texts = format!("{}: {complaints:#?}\n{}", board.name, report.log_text());
         // The watch over the valves knows the wiring of the image alone.
-        assert!(complaints.iter().all(|complaint| complaint.starts_with("the valve of left: opens")), "{texts}");
+        assert!(
+            complaints.iter().all(|complaint| complaint.starts_with("the valve of left: opens")),
+            "{texts}"
+        );
         let reset = report.resets[1].0;
         stays(&report, LEFT, LEFT.on, RESET - 3 * SECOND..reset);
         let driven = driven_after(&report, LEFT, reset, LEFT.on);

@@ -1,11 +1,11 @@
 //! What an engine is wired to, as numbers.
 
+use jetlink::command::{Order, Origin};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::EcuConfig;
 use jetlink::ecu::amt::codec::EngineModel;
 use jetlink::ecu::zk::codec::Rate;
 use jetlink::engine::retained::{Reset, RetainedMemory, RetainedState};
-use jetlink::command::{Order, Origin};
 use jetlink::line::{Line, StopBits, Timing};
 use jetlink::wiring::{Contradiction, Ports, Wiring, check};
 

@@ -205,7 +205,8 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         let Some(found) = self.parameter(place, index).filter(|_| !self.attached.rows().is_empty()) else {
             return false;
         };
-        find_row(Table::Attached(self.attached.rows()), &mut |other| core::ptr::eq(other, found.row)).is_some()
+        find_row(Table::Attached(self.attached.rows()), &mut |other| core::ptr::eq(other, found.row))
+            .is_some()
     }
 
     /// Takes the result of the save that [`Service::next_save`] requested: the setting is answered, and is as before if it was
@@ -293,7 +294,8 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             Place::Engine(engine) => {
                 let Some(engine) = self.engines.get_mut(engine) else { return };
                 if !engine.settings.set_own::<false>(row.name, old)
-                    && engine.config.change_parameter(row.name, old) {
+                    && engine.config.change_parameter(row.name, old)
+                {
                     // It was valid before.
                     let _ = Self::configure(engine, &engine.config, row);
                 }

@@ -55,7 +55,8 @@ fn a_list_has_every_setting_once_at_twenty_a_second() {
         for (component, (config, settings)) in ENGINE.into_iter().zip(service.engine_settings()) {
             let rows: Vec<_> = engine_parameters(config).collect();
             for (i, row) in rows.iter().enumerate() {
-                let value = config.number(row.name).or_else(|| settings.own::<false>(row.name)).unwrap() as f32;
+                let value =
+                    config.number(row.name).or_else(|| settings.own::<false>(row.name)).unwrap() as f32;
                 expected.push((component, i as u16, rows.len() as u16, row.name.to_string(), value));
             }
         }

@@ -223,10 +223,18 @@ fn wiring_that_contradicts_itself_is_said_on_every_port_and_engines_start_all_th
                 }
                 _ => None,
             });
-            let said: Vec<_> = texts.filter(|(_, text)| text.starts_with("right: wiring as in the image")).collect();
-            assert!((2..=3).contains(&said.len()) && said.iter().all(|(severity, _)| *severity == 3), "{said:?}");
+            let said: Vec<_> =
+                texts.filter(|(_, text)| text.starts_with("right: wiring as in the image")).collect();
+            assert!(
+                (2..=3).contains(&said.len()) && said.iter().all(|(severity, _)| *severity == 3),
+                "{said:?}"
+            );
         }
-        assert!(world.texts().replace('\n', "").contains("not as stored: two engines on one port"), "{}", world.texts());
+        assert!(
+            world.texts().replace('\n', "").contains("not as stored: two engines on one port"),
+            "{}",
+            world.texts()
+        );
         // It can be looked at and corrected.
         assert_eq!(world.set(NODE, "E2_PORT", 1.0).await.0, Some(1.0));
         world.start(0).await;
