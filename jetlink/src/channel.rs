@@ -260,6 +260,11 @@ impl<'a> Source<'a> {
     pub fn command(&self, command: Command) -> Result<Accepted, Rejected> {
         self.handle.command(command, self.origin)
     }
+
+    /// Whether the engine is armed and this source has armed it: its last command of both was "arm", also before a reset.
+    pub fn has_armed(&self) -> bool {
+        self.handle.channel.inspect(|engine| engine.is_armed_by(self.origin))
+    }
 }
 
 impl Drop for Source<'_> {

@@ -25,6 +25,8 @@ const EVERY: Duration = Duration::from_secs(600);
 struct Waiting {
     port: usize,
     frame: Frame,
+    /// Component that it is for.
+    component: u8,
     stamp: Stamp,
     since: Instant,
     /// Why it is refused, before it was obeyed.
@@ -90,11 +92,11 @@ impl Cover {
     }
 
     /// Has a frame wait until it is covered. False: too many wait.
-    pub fn hold(&mut self, now: Instant, port: usize, frame: &Frame, stamp: Stamp) -> bool {
+    pub fn hold(&mut self, now: Instant, port: usize, frame: &Frame, component: u8, stamp: Stamp) -> bool {
         if self.waiting.is_empty() {
             self.failed = None;
         }
-        let waiting = Waiting { port, frame: frame.clone(), stamp, since: now, refused: None };
+        let waiting = Waiting { port, frame: frame.clone(), component, stamp, since: now, refused: None };
         let held = self.waiting.push(waiting).is_ok();
         if held && self.saving.is_none_or(|saving| saving < stamp) {
             self.want(stamp);
@@ -112,9 +114,12 @@ impl Cover {
         self.refusing = None;
     }
 
-    /// A stop came: what waits is older, and is refused.
-    pub fn stopped(&mut self) {
+    /// A stop of a component came, or of all: what waits for it is older, and is refused.
+    pub fn stopped(&mut self, component: Option<u8>) {
         for waiting in &mut self.waiting {
+            if component.is_some_and(|component| component != waiting.component) {
+                continue;
+            }
             waiting.refused = Some(Refusal::Stopped);
         }
     }

@@ -47,6 +47,8 @@ pub(crate) enum Switch {
 #[derive(Clone, Copy, Debug)]
 struct LastStart {
     from: Address,
+    /// It was allowed while disarmed.
+    while_disarmed: bool,
     at: Instant,
     ack: Ack,
 }
@@ -66,11 +68,13 @@ pub(crate) struct Engine<'a> {
     held: Option<(Throttle, Instant)>,
     /// System whose heartbeat keeps the order alive. After a reset it is not known: then any that may command.
     ordered_by: Option<u8>,
-    /// The vehicle's arming was passed on.
+    /// Source whose demand was in force last.
+    run_by: Option<Origin>,
+    /// The vehicle's arming was passed on, by this service or by the one before a restart of the node.
     armed: bool,
     /// And that it is disarmed, since then and since a stop: the library has to know it before it lets MAVLink arm again.
     disarmed: bool,
-    /// A start that was allowed while disarmed is under way.
+    /// A start that was allowed while disarmed is under way, and has armed the engine.
     armed_for_start: bool,
     /// Time of an emergency stop after which the vehicle has not shown disarmed.
     must_disarm: Option<Instant>,
@@ -126,6 +130,7 @@ impl<'a> Engine<'a> {
     pub fn new(parts: EngineParts<'a>) -> Self {
         let EngineParts { source, setup, config, settings } = parts;
         let events = source.handle().events();
+        let armed = source.has_armed();
         Self {
             source,
             setup,
@@ -136,7 +141,8 @@ impl<'a> Engine<'a> {
             demand: None,
             held: None,
             ordered_by: None,
-            armed: false,
+            run_by: None,
+            armed,
             armed_for_start: false,
             disarmed: false,
             must_disarm: None,
@@ -197,7 +203,14 @@ impl<'a> Engine<'a> {
     /// Passes a demand on: idle while the vehicle is disarmed. During a start the engine itself stays at idle, and then rises at its rate.
     /// While a start waits, a demand above idle ends it there.
     fn pass_on(&mut self, situation: Situation<'_>, throttle: Throttle) -> Option<Refusal> {
-        let held = situation.vehicle.arming() == Arming::Disarmed;
+        let held = match situation.vehicle.arming() {
+            Arming::Disarmed => Some(Throttle::IDLE),
+            // It may be held at idle since before the restart, or fly: what is in force stays, and does not rise.
+            Arming::Unknown if situation.vehicle.may_show_disarmed(situation.now) => {
+                Some(self.held.map_or_else(|| self.ordered_throttle(), |(held, _)| held))
+            }
+            _ => None,
+        };
         let throttle = self.hold(situation.now, throttle, held);
         self.refreshed = Some(situation.now);
         match self.command(Command::Run(Demand::Throttle(throttle))) {
@@ -218,11 +231,19 @@ impl<'a> Engine<'a> {
         }
     }
 
-    /// Idle while it is held; then the demand rises at the engine's rate, until it has reached its source's.
-    fn hold(&mut self, now: Instant, throttle: Throttle, held: bool) -> Throttle {
-        if held {
-            self.held = Some((Throttle::IDLE, now));
-            return Throttle::IDLE;
+    /// The throttle that the engine is ordered to; idle without one.
+    fn ordered_throttle(&self) -> Throttle {
+        match self.telemetry().ordered.order {
+            Order::Run(Demand::Throttle(throttle)) | Order::Doubt(Demand::Throttle(throttle)) => throttle,
+            _ => Throttle::IDLE,
+        }
+    }
+
+    /// No more than this while it is held; then the demand rises at the engine's rate, until it has reached its source's.
+    fn hold(&mut self, now: Instant, throttle: Throttle, held: Option<Throttle>) -> Throttle {
+        if let Some(most) = held {
+            self.held = Some((most, now));
+            return throttle.min(most);
         }
         let Some((from, at)) = self.held else { return throttle };
         // The demand does not rise during a gap in the stream.
@@ -250,21 +271,26 @@ impl<'a> Engine<'a> {
         while_disarmed: bool,
     ) -> Result<(), (Ack, Option<Refusal>)> {
         let now = situation.now;
-        let last = self.last_starts.iter().find(|last| last.from == from);
+        let last =
+            self.last_starts.iter().find(|last| last.from == from && last.while_disarmed == while_disarmed);
         if let Some(last) = last.filter(|last| confirmation > 0 || now < last.at + REPEAT) {
-            let stopped = self.stopped_at.is_some_and(|at| at >= last.at);
-            return Err(match stopped {
-                true => (Refusal::Stopped.ack(), Some(Refusal::Stopped)),
-                // The last answer once more.
-                false => (last.ack, (last.ack != Ack::Accepted).then_some(Refusal::Repeated)),
-            });
+            let recent = now < last.at + REPEAT;
+            let refused = |why: Refusal| Err((why.ack(), Some(why)));
+            match last.ack {
+                _ if self.stopped_at.is_some_and(|at| at >= last.at) => return refused(Refusal::Stopped),
+                Ack::Accepted if self.switch != Switch::Stopped => return Err((Ack::Accepted, None)),
+                Ack::Accepted if recent => return refused(Refusal::HasEnded),
+                ack if recent => return Err((ack, Some(Refusal::Repeated))),
+                // What was so then need not be so now.
+                _ => {}
+            }
         }
         let answer = self.try_start(situation, from, while_disarmed);
         let ack = match answer {
             Ok(()) => Ack::Accepted,
             Err(why) => why.ack(),
         };
-        self.note_start(LastStart { from, at: now, ack });
+        self.note_start(LastStart { from, while_disarmed, at: now, ack });
         answer.map_err(|why| (ack, Some(why)))
     }
 
@@ -310,17 +336,23 @@ impl<'a> Engine<'a> {
             return Err(Refusal::NotArmed);
         }
         // Nobody else commands in between: what is in force now is what the start is judged by.
+        let mut armed_here = false;
         let answer = critical_section::with(|_| {
-            match self.telemetry().ordered.order {
+            let telemetry = self.telemetry();
+            match telemetry.ordered.order {
                 Order::Standby => {}
                 Order::EmergencyStop => return Err(Rejected::StopLatched.into()),
                 Order::Listen => return Err(Rejected::Listening.into()),
                 Order::Run(_) | Order::Doubt(_) | Order::Pwm => return Err(Refusal::AlreadyRuns),
             }
-            if !armed {
-                self.disarm_beside_others();
+            // What another source has armed is its own.
+            if armed || !telemetry.armed {
+                if !armed {
+                    self.disarm_beside_others();
+                    armed_here = true;
+                }
+                self.command(Command::Arm)?;
             }
-            self.command(Command::Arm)?;
             match self.command(Command::Standby)? {
                 Accepted::InForce => {}
                 Accepted::Behind(active) => return Err(Rejected::Behind(active).into()),
@@ -339,15 +371,12 @@ impl<'a> Engine<'a> {
                 self.ordered_by = Some(from.system);
                 self.refreshed = Some(situation.now);
                 self.disarmed = false;
-                if armed {
-                    self.armed = true
-                } else {
-                    self.armed_for_start = true
-                }
+                self.armed |= armed;
+                self.armed_for_start = armed_here;
                 Ok(())
             }
             Err(why) => {
-                if !armed {
+                if armed_here {
                     self.disarm();
                 }
                 Err(why)
@@ -424,6 +453,9 @@ impl<'a> Engine<'a> {
             let _ = self.stop(situation.now);
         }
         self.stood_by &= due;
+        if self.idles_disarmed(situation, &telemetry) {
+            return self.pass_on(situation, Throttle::IDLE);
+        }
         if self.refreshed.is_some_and(|at| situation.now < at + REFRESH) {
             return None;
         }
@@ -447,6 +479,18 @@ impl<'a> Engine<'a> {
         }
     }
 
+    /// Whether idle has to be passed on without the stream, until it is in force: a vehicle that is there, and disarmed, holds its engine at
+    /// idle, not at the throttle of a lost source.
+    fn idles_disarmed(&self, situation: Situation<'_>, telemetry: &Telemetry) -> bool {
+        let vehicle = situation.vehicle;
+        self.switch == Switch::Run
+            && vehicle.arming() == Arming::Disarmed
+            && vehicle.is_received(situation.now)
+            && telemetry.active_source == Origin::Mavlink
+            && self.refreshed.is_none_or(|at| situation.now >= at + REFRESH)
+            && self.ordered_throttle() > Throttle::IDLE
+    }
+
     /// Sets the switch by what the engine is ordered to do.
     fn follow(&mut self, situation: Situation<'_>, telemetry: &Telemetry) {
         let runs = matches!(telemetry.ordered.order, Order::Run(_) | Order::Doubt(_));
@@ -455,6 +499,14 @@ impl<'a> Engine<'a> {
             self.note_emergency_stop(situation.now);
         }
         self.stop_noted &= telemetry.stop_latched;
+        match telemetry.ordered.order {
+            Order::Run(_) | Order::Doubt(_) if telemetry.active_source != Origin::Node => {
+                self.run_by = Some(telemetry.active_source);
+            }
+            // Its order was given up, and it may be found again.
+            Order::Run(_) | Order::Doubt(_) | Order::Listen => {}
+            _ => self.run_by = None,
+        }
         match self.switch {
             Switch::Run | Switch::Found if !runs => self.switch = Switch::Stopped,
             // The library gave the wait up.
@@ -464,7 +516,9 @@ impl<'a> Engine<'a> {
             Switch::Stopped if runs => match telemetry.active_source {
                 // Ours before a reset.
                 Origin::Mavlink => self.switch = Switch::Run,
-                Origin::Node => self.switch = Switch::Found,
+                Origin::Node if self.run_by.is_none_or(|origin| origin == Origin::Mavlink) => {
+                    self.switch = Switch::Found;
+                }
                 _ => {}
             },
             _ => {}

@@ -34,6 +34,12 @@ pub enum Refusal {
     Stopped,
     /// A repeat of a start that was refused a moment ago.
     Repeated,
+    /// A repeat of a start whose run has ended without a stop.
+    HasEnded,
+    /// The node is about to restart.
+    Restarts,
+    /// A setting would keep its sender from setting it back.
+    ShutsOut,
     /// A key is set only over USB.
     #[cfg(feature = "signing")]
     OnlyByUsb,
@@ -51,6 +57,8 @@ pub enum Refusal {
     EndPoints,
     /// The store has no space left without an erase, and an engine may turn.
     StoreFull,
+    /// Nothing is stored, and RAM that survives a reset has no space for another change.
+    RamFull,
     /// The store does not take it.
     StoreFails,
     /// Too many settings wait to be stored.
@@ -111,6 +119,9 @@ impl core::fmt::Display for Refusal {
             }
             Self::Stopped => f.write_str("stopped since: this start is a repeat, send a new one after 5 s"),
             Self::Repeated => f.write_str("repeated within 5 s of the refused one, wait 5 s"),
+            Self::HasEnded => f.write_str("the run of this start has ended: send a new one after 5 s"),
+            Self::Restarts => f.write_str("the node is about to restart"),
+            Self::ShutsOut => f.write_str("you could not set it back: set it over USB, or allow another sender first"),
             #[cfg(feature = "signing")]
             Self::OnlyByUsb => f.write_str("set the key over USB: other links can be overheard"),
             Self::Turns => f.write_str("an engine turns or is ordered to run: stop it first"),
@@ -124,6 +135,9 @@ impl core::fmt::Display for Refusal {
             Self::NotWhole => f.write_str("the value has to be a whole number"),
             Self::EndPoints => f.write_str("MAV_THR_MIN has to be below MAV_THR_MAX"),
             Self::StoreFull => f.write_str("the storage is full until all engines are reported at rest"),
+            Self::RamFull => {
+                f.write_str("RAM retains no more changes over a reset: set it in the image (src/config.rs)")
+            }
             Self::StoreFails => f.write_str("it cannot be stored"),
             Self::StoreBusy => f.write_str("other settings are being stored"),
             Self::Damaged => f.write_str("the stored settings are damaged: confirm them over USB"),

@@ -84,9 +84,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Runner<'a, N, P, A> {
                     self.to_save.signal(());
                 }
                 after(now, &service);
-                if let Some(new) = service.take_request() {
-                    request.get_or_insert((new, now + ANSWERED));
-                }
+                request = service.request(now).map(|new| request.unwrap_or((new, now + ANSWERED)));
                 next
             };
             // What is being stored is not torn.

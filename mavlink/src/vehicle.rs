@@ -59,6 +59,8 @@ pub(crate) struct Vehicle {
     last: Option<Instant>,
     /// Time since which it has shown disarmed without a gap.
     disarmed_since: Option<Instant>,
+    /// Until then its heartbeats have come, if it is there.
+    shows_by: Option<Instant>,
 }
 
 impl Vehicle {
@@ -76,7 +78,18 @@ impl Vehicle {
             same: (false, 0),
             last: None,
             disarmed_since: None,
+            shows_by: None,
         }
+    }
+
+    /// The same, which is received by then if it is there.
+    pub const fn showing_by(self, at: Instant) -> Self {
+        Self { shows_by: Some(at), ..self }
+    }
+
+    /// Whether it has an id and has not had the time to show that it is disarmed.
+    pub fn may_show_disarmed(&self, now: Instant) -> bool {
+        self.id.is_some() && self.arming == Arming::Unknown && self.shows_by.is_some_and(|at| now < at)
     }
 
     /// The same vehicle, of which nothing was received.

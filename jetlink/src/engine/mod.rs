@@ -231,6 +231,11 @@ impl Engine {
         self.update(now);
     }
 
+    /// Whether it is armed, and this source last commanded "arm".
+    pub const fn is_armed_by(&self, origin: Origin) -> bool {
+        self.armed && self.arm_commanded.contains(origin)
+    }
+
     /// Takes a snapshot.
     pub fn telemetry(&self, now: Instant) -> Telemetry {
         let mut counters = self.link.status().counters;

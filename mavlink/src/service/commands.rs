@@ -47,20 +47,33 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         let [first, ..] = params;
         let kind = Kind::of_command(command, first);
         // Component 0 is all components: none obeys that.
-        let Some(place) = self.addressed(now, port, target) else { return };
+        let Some(place) = self.addressed(now, port, target, kind) else { return };
         self.counters.commands = self.counters.commands.wrapping_add(1);
+        let own = self.system(now, port);
         let answer = match self.check(port, from.system, kind) {
             Ok(()) => self.obey(now, port, from, place, command, confirmation, params),
             Err(why) => refuse(why),
         };
         #[cfg(feature = "signing")]
         if kind == Kind::Stops && answer.is_ok() {
-            self.cover.stopped();
+            self.take_back(place);
         }
-        self.answer(now, port, from, place, command, answer);
+        self.answer(own, now, port, from, place, command, answer);
     }
 
-    fn answer(&mut self, now: Instant, port: usize, to: Address, place: Place, command: u16, answer: Answer) {
+    /// Answers with the system id that the node had as the command came: a stop may end the time in which it has one.
+    #[allow(clippy::too_many_arguments, reason = "the fields of two messages")]
+    fn answer(
+        &mut self,
+        own: Option<u8>,
+        now: Instant,
+        port: usize,
+        to: Address,
+        place: Place,
+        command: u16,
+        answer: Answer,
+    ) {
+        self.speaks_as = own;
         let (result, why) = match answer {
             Ok(ack) => (ack, None),
             Err((ack, why)) => (ack, why),
@@ -72,6 +85,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         if let Some(why) = why {
             self.say(now, place, Severity::Warning, Some(port), format_args!("refused: {why}"));
         }
+        self.speaks_as = None;
     }
 
     fn acknowledge(
@@ -130,6 +144,9 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
                     }
                     (Some(1), Some(0 | 1), Some(0), Some(0 | WHILE_DISARMED)) if self.is_damaged() => {
                         refuse(Refusal::Damaged)
+                    }
+                    (Some(1), Some(0 | 1), Some(0), Some(0 | WHILE_DISARMED)) if self.reboot => {
+                        refuse(Refusal::Restarts)
                     }
                     (Some(1), Some(0 | 1), Some(0), Some(bits @ (0 | WHILE_DISARMED))) => {
                         let Some(engine) = self.engines.get_mut(engine) else { return Ok(Ack::Unsupported) };
@@ -220,12 +237,9 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     /// `COMMAND_CANCEL` of a start is a stop.
     pub(super) fn cancel(&mut self, now: Instant, port: usize, from: Address, target: Address, command: u16) {
         let kind = Kind::of_cancel(command);
-        let Some(place) = self.addressed(now, port, target) else { return };
+        let Some(place) = self.addressed(now, port, target, kind) else { return };
         self.counters.commands = self.counters.commands.wrapping_add(1);
-        #[cfg(feature = "signing")]
-        if kind == Kind::Stops {
-            self.cover.stopped();
-        }
+        let own = self.system(now, port);
         let answer = match (self.check(port, from.system, kind), command, place) {
             (Err(why), ..) => refuse(why),
             (Ok(()), CMD_DO_ENGINE_CONTROL, Place::Engine(engine)) => {
@@ -236,7 +250,18 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
             }
             _ => Ok(Ack::Unsupported),
         };
-        self.answer(now, port, from, place, command, answer);
+        #[cfg(feature = "signing")]
+        if answer.is_ok_and(|ack| ack == Ack::Cancelled) {
+            self.take_back(place);
+        }
+        self.answer(own, now, port, from, place, command, answer);
+    }
+
+    /// A stop takes back what waits for its engine; one of all engines, all that waits.
+    #[cfg(feature = "signing")]
+    fn take_back(&mut self, place: Place) {
+        let component = place.engine().map(|_| self.component(place));
+        self.cover.stopped(component);
     }
 
     fn set_interval(&mut self, port: usize, place: Place, message: f32, interval: f32) -> Answer {

@@ -9,11 +9,12 @@ use crate::fields::{
 };
 use crate::frame::{Address, Frame};
 use crate::ids::{CMD_SET_MESSAGE_INTERVAL, Severity};
+#[cfg(not(feature = "signing"))]
+use crate::kind::Kind;
 use crate::servo::throttle;
 use crate::settings::DemandSource;
 use crate::vehicle::{Arming, VehicleEvent};
 use embassy_time::Instant;
-use jetlink::command::Order;
 use mavlink_core::MessageData;
 
 impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
@@ -32,7 +33,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
             #[cfg(feature = "signing")]
             self.set_up_signing(now, port, from, target, fields);
             #[cfg(not(feature = "signing"))]
-            if self.addressed(now, port, target) == Some(Place::Node) {
+            if self.addressed(now, port, target, Kind::Acts) == Some(Place::Node) {
                 let text = "no signing here: keep strangers off the link";
                 self.say(now, Place::Node, Severity::Warning, Some(port), format_args!("{text}"));
             }
@@ -48,12 +49,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
             HEARTBEAT_DATA::ID => {
                 self.note_station(now, from.system);
                 if self.autopilot_port == Some(port) {
-                    let rest = !self.engines.iter().any(|engine| {
-                        matches!(
-                            engine.telemetry().ordered.order,
-                            Order::Run(_) | Order::Doubt(_) | Order::Pwm
-                        )
-                    });
+                    let rest = !self.any_is_ordered();
                     let what = [heartbeat::TYPE, heartbeat::AUTOPILOT, heartbeat::BASE_MODE];
                     let event = self.vehicle.heartbeat(now, from, what.map(|at| fields.u8(at)).into(), rest);
                     self.vehicle_event(now, event);

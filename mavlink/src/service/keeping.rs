@@ -326,7 +326,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         name: &[u8],
         value: f32,
     ) {
-        let Some(place) = self.addressed(now, port, target) else { return };
+        let Some(place) = self.addressed(now, port, target, Kind::Acts) else { return };
         let name = Name::of(name);
         let Some((index, parameter)) = self.position(place, name) else {
             let why = Refusal::UnknownSetting;

@@ -34,6 +34,7 @@ use embassy_time::{Duration, Instant};
 use heapless::{Deque, Vec};
 #[cfg(feature = "record")]
 use jetlink::command::Command;
+use jetlink::command::Order;
 use jetlink::config::EngineConfig;
 use jetlink::wiring::{Contradiction, Wiring};
 
@@ -211,7 +212,8 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             signing: Signing::new(now, signing),
             #[cfg(feature = "signing")]
             cover: Cover::new(now),
-            vehicle: Vehicle::new(settings.identity.system, settings.identity.learnt),
+            vehicle: Vehicle::new(settings.identity.system, settings.identity.learnt)
+                .showing_by(now + LISTEN),
             request: RateRequest::new(now),
             clocks: [FrameClock::default(); 2],
             received: Vec::new(),
@@ -261,9 +263,15 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         self.ports.get(port).is_some_and(Port::is_waiting)
     }
 
-    /// What the node has to do besides; each is returned once.
-    pub fn take_request(&mut self) -> Option<Request> {
-        core::mem::take(&mut self.reboot).then_some(Request::Reboot)
+    /// What the node has to do besides. Let the answer go out first. Where it is not returned any more, it is off: an engine
+    /// has begun to turn.
+    pub fn request(&mut self, now: Instant) -> Option<Request> {
+        if self.reboot && self.any_turns() {
+            self.reboot = false;
+            let why = Refusal::Turns;
+            self.say(now, Place::Node, Severity::Warning, None, format_args!("no restart: {why}"));
+        }
+        self.reboot.then_some(Request::Reboot)
     }
 
     /// What is attached.
@@ -323,12 +331,14 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         self.damaged
     }
 
-    /// The system id on a port. While an autopilot is received that has not been learnt, and on the autopilot's port, there is
-    /// none; elsewhere it is 1 until one is known.
+    /// The system id on a port. On the autopilot's port, and while an autopilot is received that is being learnt, there is none; elsewhere it is
+    /// 1 until one is known.
     fn system(&self, now: Instant, port: usize) -> Option<u8> {
         match self.vehicle.id().or(self.speaks_as) {
             Some(id) => Some(id),
-            None if self.autopilot_port == Some(port) || self.vehicle.is_learning(now) => None,
+            None if self.autopilot_port == Some(port) => None,
+            // While an engine is ordered none is learnt, and who commands it keeps the id that it knows.
+            None if self.vehicle.is_learning(now) && !self.any_is_ordered() => None,
             None if self.autopilot_port.is_some() && now < self.started + LISTEN => None,
             None => Some(1),
         }
@@ -385,6 +395,13 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         cfg!(feature = "signing") && self.ports.get(port).is_some_and(|port| port.config.usb)
     }
 
+    /// Whether any engine is ordered to run, or may be.
+    fn any_is_ordered(&self) -> bool {
+        self.engines.iter().any(|engine| {
+            matches!(engine.telemetry().ordered.order, Order::Run(_) | Order::Doubt(_) | Order::Pwm)
+        })
+    }
+
     /// Whether any engine turns or is ordered to.
     fn any_turns(&self) -> bool {
         self.engines.iter().any(Engine::turns)
@@ -416,12 +433,12 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             .is_some_and(|port| port.send(now, from, place.engine(), class, message, seal))
     }
 
-    /// Which component of ours a message is for. Component 0, which is all of them, is none. Where the id of the vehicle is lost with the
-    /// settings, it is for ours whatever its system: the id is not learnt while an engine runs, and a stop has to count.
-    fn addressed(&self, now: Instant, port: usize, target: Address) -> Option<Place> {
+    /// Which component of ours a message is for. Component 0, which is all of them, is none. Where the node has no id, a stop is for ours
+    /// whatever its system; where the id is lost with the settings, all is.
+    fn addressed(&self, now: Instant, port: usize, target: Address, kind: Kind) -> Option<Place> {
         match self.system(now, port) {
             Some(system) if system == target.system => self.place(target.component),
-            None if self.is_damaged() => self.place(target.component),
+            None if self.is_damaged() || kind == Kind::Stops => self.place(target.component),
             _ => None,
         }
     }

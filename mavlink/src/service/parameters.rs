@@ -181,7 +181,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         name: &[u8],
         index: i16,
     ) {
-        let Some(place) = self.addressed(now, port, target) else { return };
+        let Some(place) = self.addressed(now, port, target, Kind::Reads) else { return };
         let index = match usize::try_from(index) {
             Ok(index) => Some(index),
             Err(_) => self.position(place, Name::of(name)).map(|(index, _)| index),

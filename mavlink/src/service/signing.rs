@@ -34,7 +34,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     fn is_covered(&mut self, now: Instant, port: usize, frame: &Frame) -> bool {
         let (kind, target) = Kind::of_frame(frame);
         let Signature::Right { stamp, .. } = frame.signature else { return false };
-        if kind != Kind::Acts || self.addressed(now, port, target).is_none() {
+        if kind != Kind::Acts || self.addressed(now, port, target, kind).is_none() {
             return true;
         }
         if !self.signing.is_new(stamp) {
@@ -44,7 +44,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         if self.keeping != Keeping::Stored || self.cover.covers(stamp) {
             return true;
         }
-        if self.cover.hold(now, port, frame, stamp) {
+        if self.cover.hold(now, port, frame, target.component, stamp) {
             return false;
         }
         self.cover.refusing = Some(Refusal::StoreBusy);
@@ -87,7 +87,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         target: Address,
         setup: &Fields,
     ) {
-        if self.addressed(now, port, target) != Some(Place::Node) {
+        if self.addressed(now, port, target, Kind::Acts) != Some(Place::Node) {
             return;
         }
         let result = self.set_key(now, port, from, setup);

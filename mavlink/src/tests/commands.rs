@@ -4,8 +4,9 @@ use super::world::*;
 use crate::dialect::*;
 use crate::frame::Address;
 use crate::ids::*;
-use jetlink::command::{Command, Order, Origin};
+use jetlink::command::{Command, Demand, Order, Origin};
 use jetlink::engine::state::EngineState;
+use jetlink::units::Throttle;
 
 const ACCEPTED: Option<u8> = Some(0);
 const NOT_NOW: Option<u8> = Some(1);
@@ -438,13 +439,12 @@ fn the_node_restarts_only_with_all_engines_at_rest() {
         world.ready().await;
         world.start(1).await;
         assert_eq!(world.command(NODE, CMD_PREFLIGHT_REBOOT_SHUTDOWN, &[1.0]).await.0, NOT_NOW);
-        assert_eq!(world.service.borrow_mut().take_request(), None);
+        assert_eq!(world.request(), None);
         assert_eq!(world.control(1, &[0.0]).await.0, ACCEPTED);
         world.cold(1).await;
         assert_eq!(world.command(NODE, CMD_PREFLIGHT_REBOOT_SHUTDOWN, &[2.0]).await.0, DENIED);
         assert_eq!(world.command(NODE, CMD_PREFLIGHT_REBOOT_SHUTDOWN, &[1.0]).await.0, ACCEPTED);
-        assert_eq!(world.service.borrow_mut().take_request(), Some(crate::service::Request::Reboot));
-        assert_eq!(world.service.borrow_mut().take_request(), None);
+        assert_eq!(world.request(), Some(crate::service::Request::Reboot));
     });
 }
 
@@ -560,5 +560,191 @@ fn without_signing_a_key_is_answered_with_a_text() {
         world.say(TO_GROUND, GROUND, &setup(NODE));
         world.pass(1.0).await;
         assert!(world.texts().contains("no signing here"), "{}", world.texts());
+    });
+}
+
+/// On the bench by USB, without an autopilot, the node is system 1. An autopilot that is switched on then is not learnt while the engine is
+/// ordered, and takes neither the id nor a stop from who commands it.
+#[test]
+fn a_stop_counts_while_an_autopilot_is_received_that_is_not_learnt() {
+    const SELF: u8 = 1;
+    let kinds: [(u16, &[f32]); 4] = [
+        (CMD_DO_ENGINE_CONTROL, &[0.0]),
+        (USER, &[3.0]),
+        (USER, &[1.0, 21196.0]),
+        (CMD_DO_FLIGHTTERMINATION, &[1.0]),
+    ];
+    for (command, params) in kinds {
+        run(async |world| {
+            world.plane.alive.set(false);
+            world.until("standby", 30, || world.telemetry(1).state == EngineState::Standby).await;
+            world.pass(10.0).await;
+            let set = PARAM_SET_DATA {
+                param_value: 0.0,
+                target_system: SELF,
+                target_component: ENGINE[1],
+                param_id: "MAV_THR_SRC".into(),
+                param_type: PARAM_REAL32,
+            };
+            world.say(TO_GROUND, GROUND, &set);
+            world.pass(1.0).await;
+            let to_one = async |command, params: &[f32]| {
+                world.command_from(TO_GROUND, GROUND, (SELF, ENGINE[1]), command, 0, params).await
+            };
+            assert_eq!(to_one(CMD_DO_ENGINE_CONTROL, &[1.0, 0.0, 0.0, 1.0]).await.0, ACCEPTED);
+            world.until("runs", 120, || world.telemetry(1).state == EngineState::Running).await;
+            world.plane.alive.set(true);
+            world.pass(10.0).await;
+            let at = world.frames.borrow().len();
+            world.pass(5.0).await;
+            let frames = world.frames.borrow()[at..].iter().filter(|(_, port, _)| *port == TO_GROUND).count();
+            assert!(frames > 20, "{frames} frames in 5 s");
+            // For another system it is no stop: the node has an id here.
+            let other = command_to((SYSTEM, ENGINE[1]), command, params);
+            world.say(TO_GROUND, GROUND, &other);
+            world.pass(0.2).await;
+            assert!(matches!(world.telemetry(1).ordered.order, Order::Run(_)));
+            assert_eq!(to_one(command, params).await.0, ACCEPTED, "{command} {params:?}");
+            assert!(!matches!(world.telemetry(1).ordered.order, Order::Run(_)));
+            // At rest the autopilot is learnt.
+            world.until("learnt", 60, || world.service.borrow().system_id() == Some(SYSTEM)).await;
+        });
+    }
+}
+
+fn command_to((system, component): (u8, u8), command: u16, params: &[f32]) -> COMMAND_LONG_DATA {
+    let param = |i: usize| params.get(i).copied().unwrap_or(0.0);
+    COMMAND_LONG_DATA {
+        param1: param(0),
+        param2: param(1),
+        param4: param(3),
+        command,
+        target_system: system,
+        target_component: component,
+        ..Default::default()
+    }
+}
+
+/// On the autopilot's port the node has no id until it has learnt one: a stop counts there whatever system it names, and nothing else does.
+#[test]
+fn where_the_node_has_no_id_a_stop_to_its_component_counts_and_nothing_else_does() {
+    for stop in [true, false] {
+        run(async |world| {
+            world.plane.alive.set(false);
+            world.until("standby", 30, || world.telemetry(1).state == EngineState::Standby).await;
+            world.pass(4.0).await;
+            let radio = world.node.owners()[1].source(Origin::Rc).unwrap();
+            radio.command(Command::Arm).unwrap();
+            radio.command(Command::Standby).unwrap();
+            radio.command(Command::Run(Demand::Throttle(Throttle::IDLE))).unwrap();
+            assert!(matches!(world.telemetry(1).ordered.order, Order::Run(_)));
+            let message = match stop {
+                true => command_to((9, ENGINE[1]), CMD_DO_ENGINE_CONTROL, &[0.0]),
+                false => command_to((9, ENGINE[1]), CMD_PREFLIGHT_REBOOT_SHUTDOWN, &[1.0]),
+            };
+            world.say(TO_AUTOPILOT, GROUND, &message);
+            let to_none = command_to((9, 0), CMD_DO_ENGINE_CONTROL, &[0.0]);
+            world.say(TO_AUTOPILOT, GROUND, &to_none);
+            assert_eq!(world.telemetry(1).ordered.order == Order::Standby, stop);
+        });
+    }
+}
+
+#[test]
+fn a_start_with_a_confirmation_gets_no_old_answer_where_its_run_has_ended() {
+    run(async |world| {
+        world.ready().await;
+        world.start(1).await;
+        let again = async || {
+            let to = (SYSTEM, ENGINE[1]);
+            world.command_from(TO_GROUND, GROUND, to, CMD_DO_ENGINE_CONTROL, 1, &[1.0]).await
+        };
+        // A repeat while it runs is answered as it was.
+        assert_eq!(again().await.0, ACCEPTED);
+        // Radio control ends it.
+        let radio = world.node.owners()[1].source(Origin::Rc).unwrap();
+        radio.command(Command::ShutDown).unwrap();
+        drop(radio);
+        world.pass(2.0).await;
+        world.cold(1).await;
+        world.pass(60.0).await;
+        let (answer, texts) = again().await;
+        let runs = matches!(world.telemetry(1).ordered.order, Order::Run(_));
+        assert!(answer == ACCEPTED && runs, "after more than 5 s it is judged anew: {answer:?} {texts}");
+    });
+}
+
+#[test]
+fn a_repeat_of_a_start_that_has_ended_is_refused() {
+    run(async |world| {
+        world.ready().await;
+        assert_eq!(world.control(1, &[1.0]).await.0, ACCEPTED);
+        world.pass(1.0).await;
+        world.plane.armed.set(false);
+        world.until("the start ends", 3, || world.telemetry(1).ordered.order == Order::Standby).await;
+        for confirmation in [0, 1] {
+            let to = (SYSTEM, ENGINE[1]);
+            let (answer, texts) =
+                world.command_from(TO_GROUND, GROUND, to, CMD_DO_ENGINE_CONTROL, confirmation, &[1.0]).await;
+            assert_eq!(answer, NOT_NOW);
+            assert!(texts.contains("has ended"), "{texts}");
+        }
+    });
+}
+
+#[test]
+fn a_start_while_disarmed_is_not_the_same_start_as_one_without_the_bit() {
+    run(async |world| {
+        world.until("standby", 30, || world.telemetry(0).state == EngineState::Standby).await;
+        world.until("learnt", 30, || world.service.borrow().system_id() == Some(SYSTEM)).await;
+        world.pass(4.0).await;
+        assert_eq!(world.control(0, &[1.0]).await.0, NOT_NOW);
+        world.pass(1.0).await;
+        let (answer, texts) = world.control(0, &[1.0, 0.0, 0.0, 1.0]).await;
+        assert_eq!(answer, ACCEPTED, "{texts}");
+    });
+}
+
+#[test]
+fn behind_an_accepted_restart_nothing_starts_and_an_engine_that_turns_keeps_the_node() {
+    run(async |world| {
+        world.ready().await;
+        assert_eq!(world.command(NODE, CMD_PREFLIGHT_REBOOT_SHUTDOWN, &[1.0]).await.0, ACCEPTED);
+        let (answer, texts) = world.control(1, &[1.0]).await;
+        assert_eq!(answer, NOT_NOW);
+        assert!(texts.contains("restart"), "{texts}");
+        assert!(world.request().is_some());
+        // Radio control starts one meanwhile.
+        let radio = world.node.owners()[1].source(Origin::Rc).unwrap();
+        radio.command(Command::Standby).unwrap();
+        radio.command(Command::Run(Demand::Throttle(Throttle::IDLE))).unwrap();
+        assert_eq!(world.request(), None);
+        world.pass(0.2).await;
+        assert!(world.texts().contains("no restart"), "{}", world.texts());
+    });
+}
+
+/// Radio control arms and starts an engine while the vehicle is disarmed. A start by MAVLink is refused, and takes neither from it.
+#[test]
+fn a_refused_start_does_not_disarm_what_another_source_has_armed() {
+    run(async |world| {
+        world.until("standby", 30, || world.telemetry(1).state == EngineState::Standby).await;
+        world.until("learnt", 30, || world.service.borrow().system_id() == Some(SYSTEM)).await;
+        world.pass(4.0).await;
+        let radio = world.node.owners()[1].source(Origin::Rc).unwrap();
+        radio.command(Command::Arm).unwrap();
+        radio.command(Command::Standby).unwrap();
+        radio.command(Command::Run(Demand::Throttle(Throttle::IDLE))).unwrap();
+        world.pass(0.5).await;
+        let (answer, texts) = world.control(1, &[1.0, 0.0, 0.0, 1.0]).await;
+        assert_eq!(answer, NOT_NOW, "{texts}");
+        assert!(world.telemetry(1).armed, "it was armed by radio control");
+        assert!(matches!(world.telemetry(1).ordered.order, Order::Run(_)), "its start goes on");
+        // The control: what MAVLink itself has armed for a start that is refused is not armed after it.
+        world.left.cut(true);
+        world.pass(0.5).await;
+        let (answer, _) = world.control(0, &[1.0, 0.0, 0.0, 1.0]).await;
+        assert_eq!(answer, NOT_NOW, "its ECU is not received");
+        assert!(!world.telemetry(0).armed);
     });
 }

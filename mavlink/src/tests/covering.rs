@@ -4,7 +4,7 @@ use super::store::{Mock, load};
 use super::world::*;
 use crate::cover::Cover;
 use crate::dialect::*;
-use crate::frame::encode;
+use crate::frame::{Address, encode};
 use crate::ids::*;
 use crate::port::PortConfig;
 use crate::record::read_signing;
@@ -167,6 +167,40 @@ fn a_start_that_is_not_stored_within_300_ms_or_that_a_stop_follows_is_refused() 
 }
 
 #[test]
+fn a_stop_takes_back_only_what_waits_for_its_engine_and_a_cancel_only_if_it_is_allowed() {
+    run_stored(SigningState::new(key(7), before_all()), async |world| {
+        world.ready().await;
+        let saved = || {
+            assert!(world.service.borrow_mut().next_save().is_some());
+            world.service.borrow_mut().saved(Instant::now(), Ok(()));
+        };
+        world.say(TO_GROUND, GROUND, &start(0));
+        world.say(TO_GROUND, GROUND, &start(1));
+        world.say(TO_GROUND, GROUND, &stop(1));
+        saved();
+        world.pass(1.0).await;
+        assert!(matches!(world.telemetry(0).ordered.order, Order::Run(_)), "its start was not stopped");
+        assert_eq!(world.telemetry(1).ordered.order, Order::Standby);
+        world.say(TO_GROUND, GROUND, &stop(0));
+        world.pass(1.0).await;
+        world.cold(0).await;
+        // Who may not command may not stop, either.
+        let nobody = Address { system: 9, ..GROUND };
+        let cancel = COMMAND_CANCEL_DATA {
+            command: CMD_DO_ENGINE_CONTROL,
+            target_system: SYSTEM,
+            target_component: ENGINE[0],
+        };
+        world.pass(20.0).await;
+        world.say(TO_GROUND, GROUND, &start(0));
+        world.say(TO_GROUND, nobody, &cancel);
+        saved();
+        world.pass(1.0).await;
+        assert!(matches!(world.telemetry(0).ordered.order, Order::Run(_)), "a stranger's cancel counts");
+    });
+}
+
+#[test]
 fn a_store_that_fails_refuses_at_rest_and_does_not_keep_an_engine_from_a_relight() {
     run_stored(SigningState::new(key(7), before_all()), async |world| {
         world.ready().await;
@@ -318,6 +352,7 @@ fn after_a_power_cut_at_any_write_or_erase_no_stamp_goes_back_and_no_key_is_lost
         run_signed(known(), SigningState::NONE, PortConfig::usb(), async |world| {
             world.service.borrow_mut().set_keeping(Keeping::Stored);
             world.key_is_everywhere.set(false);
+            world.until("at rest", 30, || world.service.borrow().is_at_rest()).await;
             let (mut store, ..) = load(mock, &at_rest);
             for (round, byte) in [1, 1, 0, 2, 1, 0].into_iter().enumerate() {
                 if keys.last() != Some(&key(byte)) {

@@ -5,8 +5,12 @@ use crate::dialect::{HEARTBEAT_DATA, RC_CHANNELS_OVERRIDE_DATA};
 use crate::frame::Address;
 use crate::ids::CMD_USER_1;
 use embassy_time::{Duration, Instant};
+use jetlink::command::{Command, Demand, Order, Origin};
+use jetlink::config::{EngineConfig, LinkSettings};
 use jetlink::engine::state::EngineState;
 use jetlink::event::LossStage;
+use jetlink::line::Line;
+use jetlink::units::Throttle;
 use std::vec::Vec;
 
 #[test]
@@ -407,4 +411,167 @@ fn a_vehicle_that_is_received_beside_ours_is_not_learnt() {
         }
         assert_eq!(world.service.borrow().settings().identity.learnt, SYSTEM);
     });
+}
+
+#[test]
+fn disarmed_without_a_stream_the_engine_idles_and_does_not_go_to_its_fail_safe_throttle() {
+    run(async |world| {
+        world.ready().await;
+        assert_eq!(world.set(ENGINE[1], "LOSS_THR", 400.0).await.0, Some(400.0));
+        world.start(1).await;
+        world.throttle(1700);
+        world.until("75 %", 15, || world.ordered(1) == Some(750)).await;
+        // Outputs without a pulse, while heartbeats come. The control: armed, that is a loss.
+        world.throttle(0);
+        world.until("fail-safe", 30, || world.ordered(1) == Some(400)).await;
+        world.plane.armed.set(false);
+        world.until("disarmed is idle", 30, || world.ordered(1) == Some(0)).await;
+        world.pass(60.0).await;
+        assert_eq!(world.ordered(1), Some(0));
+        assert_eq!(world.telemetry(1).state, EngineState::Running);
+        // Armed again, the stream moves it as before.
+        world.plane.armed.set(true);
+        world.throttle(1500);
+        world.until("50 %", 30, || world.ordered(1) == Some(500)).await;
+    });
+}
+
+#[test]
+fn disarmed_holds_at_idle_over_a_restart_of_the_node() {
+    run(async |world| {
+        world.ready().await;
+        world.start(1).await;
+        world.plane.armed.set(false);
+        world.pass(5.0).await;
+        world.throttle(1700);
+        world.pass(5.0).await;
+        assert_eq!(world.ordered(1), Some(0));
+        world.restart_service();
+        for _ in 0..100 {
+            world.pass(0.05).await;
+            assert_eq!(world.ordered(1), Some(0));
+        }
+    });
+}
+
+/// In flight, with or without heartbeats: nobody knows yet whether the vehicle is armed, so the demand does not rise. It does not fall to idle,
+/// either. Without heartbeats that is for 3 s.
+#[test]
+fn an_engine_in_flight_keeps_its_throttle_over_a_restart_of_the_node() {
+    for heartbeats in [true, false] {
+        run(async |world| {
+            world.ready().await;
+            world.start(1).await;
+            world.throttle(1500);
+            world.until("50 %", 15, || world.ordered(1) == Some(500)).await;
+            world.plane.heartbeats.set(heartbeats);
+            world.restart_service();
+            world.throttle(1700);
+            for _ in 0..20 {
+                world.pass(0.05).await;
+                assert_eq!(world.ordered(1), Some(500), "held until it is known");
+            }
+            world.until("75 %", 5, || world.ordered(1) == Some(750)).await;
+            assert_eq!(world.telemetry(1).loss, LossStage::None);
+        });
+    }
+}
+
+#[test]
+fn a_vehicle_that_disarms_while_the_node_restarts_disarms_its_engines() {
+    run(async |world| {
+        world.ready().await;
+        assert!((0..2).all(|engine| world.telemetry(engine).armed));
+        world.plane.armed.set(false);
+        world.restart_service();
+        world.pass(10.0).await;
+        assert!((0..2).all(|engine| !world.telemetry(engine).armed));
+        // The control: what another source has armed stays armed.
+        let radio = world.node.owners()[1].source(Origin::Rc).unwrap();
+        radio.command(Command::Arm).unwrap();
+        world.restart_service();
+        world.pass(10.0).await;
+        assert!(world.telemetry(1).armed);
+    });
+}
+
+#[test]
+fn a_vehicle_that_disarms_while_the_node_restarts_ends_a_start() {
+    for disarms in [true, false] {
+        run(async |world| {
+            world.ready().await;
+            assert_eq!(world.control(1, &[1.0]).await.0, Some(0));
+            world.pass(0.5).await;
+            world.plane.armed.set(!disarms);
+            world.restart_service();
+            world.pass(10.0).await;
+            assert_eq!(world.ordered(1).is_none(), disarms);
+        });
+    }
+}
+
+/// Nobody knows who ran it: its switch is at run, and the stream takes it over once the vehicle is armed.
+#[test]
+fn an_engine_that_is_found_running_without_memory_follows_the_stream_once_armed() {
+    run_beside_a_running_engine(async |world| {
+        world.until("found", 60, || world.ordered(1).is_some()).await;
+        assert_eq!(world.telemetry(1).active_source, Origin::Node);
+        world.pass(10.0).await;
+        world.throttle(1500);
+        world.pass(20.0).await;
+        assert_ne!(world.ordered(1), Some(500), "not before the vehicle is armed");
+        world.plane.armed.set(true);
+        world.until("it follows the stream", 60, || world.ordered(1) == Some(500)).await;
+        assert_eq!(world.telemetry(1).active_source, Origin::Mavlink);
+    });
+}
+
+/// After a gap its order is given up, and it is found again without a source. Who flew it before is known: it is radio control's.
+#[test]
+fn an_engine_that_another_source_has_flown_is_not_taken_over_after_a_gap() {
+    for by_radio in [true, false] {
+        run(async |world| {
+            assert_eq!(world.node.owners()[0].setup().configure_link(&quick()), Ok(()));
+            world.ready().await;
+            let radio = world.node.owners()[0].source(Origin::Rc).unwrap();
+            let fly = async |seconds: u32| {
+                for _ in 0..10 * seconds {
+                    if by_radio {
+                        let _ = radio.command(Command::Run(Demand::Throttle(Throttle::IDLE)));
+                    }
+                    world.pass(0.1).await;
+                }
+            };
+            if by_radio {
+                for _ in 0..30 {
+                    radio.command(Command::Standby).unwrap();
+                    world.pass(0.1).await;
+                }
+                let mut seconds = 0;
+                while world.telemetry(0).state != EngineState::Running {
+                    fly(1).await;
+                    seconds += 1;
+                    assert!(seconds < 120);
+                }
+                fly(5).await;
+            } else {
+                world.start(0).await;
+            }
+            // Its lines are interrupted for longer than the node takes for its ECU's time, and radio control is silent.
+            world.left.cut(true);
+            world.until("given up", 10, || world.telemetry(0).ordered.order == Order::Listen).await;
+            world.left.cut(false);
+            world.throttle(1500);
+            world.until("found", 10, || world.ordered(0).is_some()).await;
+            world.pass(30.0).await;
+            assert_eq!(world.ordered(0) == Some(500), !by_radio, "{:?}", world.telemetry(0).ordered);
+        });
+    }
+}
+
+/// The node takes its ECU for one that stops its turbine after 0.5 s without a reply.
+fn quick() -> LinkSettings {
+    let mut config = EngineConfig::amt("left", 0, Line::new(9600), None);
+    assert!(config.change("AMT_SER_DELAY", 1000));
+    LinkSettings::from(&config)
 }

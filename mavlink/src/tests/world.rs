@@ -6,13 +6,13 @@ use crate::frame::{Address, Decoder, Frame, MAX_FRAME, encode, encode_to_sign};
 use crate::ids::*;
 use crate::port::PortConfig;
 use crate::report::state_number;
-use crate::service::{EngineParts, Service};
-use crate::settings::{EngineSettings, NodeSettings};
+use crate::service::{EngineParts, Request, Service};
+use crate::settings::{EngineSettings, Identity, NodeSettings};
 use crate::signing::{Key, Seal, Signature, SigningState, Stamp};
 use embassy_futures::join::{join, join3};
 use embassy_futures::select::select;
 use embassy_time::{Duration, Instant, Timer};
-use jetlink::command::Origin;
+use jetlink::command::{Command, Demand, Origin};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::zk::codec::Rate;
 use jetlink::engine::state::EngineState;
@@ -20,9 +20,11 @@ use jetlink::line::Line;
 use jetlink::node::Node;
 use jetlink::runner::LineErrors;
 use jetlink::telemetry::Telemetry;
+use jetlink::units::Throttle;
 use mavlink_core::MessageData;
 use sim::amt::{AmtConfig, AmtEcu};
 use sim::clock;
+use sim::wire::Plug;
 use sim::zk::{ZkConfig, ZkEcu};
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
@@ -51,6 +53,8 @@ pub struct Plane {
     /// Heartbeats and outputs come.
     pub alive: Cell<bool>,
     pub armed: Cell<bool>,
+    /// Its heartbeats come; off: its outputs alone.
+    pub heartbeats: Cell<bool>,
     pub system: Cell<u8>,
     /// Pulse widths of outputs 1 to 16; engines use 3 and 4.
     pub outputs: Cell<[u16; 16]>,
@@ -76,6 +80,8 @@ pub struct World<'a> {
     /// Key of the autopilot and the ground station, and their last time stamp.
     pub key: Cell<Option<Key>>,
     pub stamp: Cell<u64>,
+    /// How far the autopilot's clock is behind, in 10 µs.
+    pub autopilot_behind: Cell<u64>,
     /// The node has that key, too; not while a test sets it.
     pub key_is_everywhere: Cell<bool>,
     ports: [PortConfig; 2],
@@ -84,6 +90,8 @@ pub struct World<'a> {
     pub frames: RefCell<Vec<(Instant, usize, Frame)>>,
     /// Bytes that were sent on each port.
     pub bytes: RefCell<[usize; 2]>,
+    /// Line and ECU of the first engine.
+    pub left: &'a Plug<AmtEcu>,
 }
 
 impl World<'_> {
@@ -106,9 +114,15 @@ impl World<'_> {
         let clock = SENDERS_STAMP + Instant::now().as_micros() / 10;
         self.stamp.set(clock.max(self.stamp.get() + 1));
         let mut frame = encode_to_sign(from, 0, message);
-        let stamp = Stamp::new(self.stamp.get()).unwrap();
+        let behind = if port == TO_AUTOPILOT { self.autopilot_behind.get() } else { 0 };
+        let stamp = Stamp::new(self.stamp.get() - behind).unwrap();
         Seal { key: &key, link: port as u8, stamp }.sign(&mut frame);
         frame
+    }
+
+    /// What the node has to do besides.
+    pub fn request(&self) -> Option<Request> {
+        self.service.borrow_mut().request(Instant::now())
     }
 
     pub fn telemetry(&self, engine: usize) -> Telemetry {
@@ -250,7 +264,7 @@ impl World<'_> {
         let (signing, engines): (_, Vec<_>) = {
             let service = self.service.borrow();
             let engines = service.engine_settings().map(|(config, of)| (*config, *of)).collect();
-            (service.signing(now), engines)
+            (retained(service.signing(now)), engines)
         };
         let ports = self.ports;
         // The sources are given back first.
@@ -365,6 +379,8 @@ impl World<'_> {
             let from = Address { system: self.plane.system.get(), component: 1 };
             if now >= next_heartbeat {
                 next_heartbeat = now + Duration::from_secs(1);
+            }
+            if now + Duration::from_secs(1) == next_heartbeat && self.plane.heartbeats.get() {
                 self.say(
                     TO_AUTOPILOT,
                     from,
@@ -490,6 +506,35 @@ pub fn outputs(time_usec: u32, servo: [u16; 16]) -> SERVO_OUTPUT_RAW_DATA {
     }
 }
 
+/// As a board retains it over a reset.
+#[cfg(feature = "signing")]
+fn retained(signing: SigningState) -> SigningState {
+    let memory = crate::retained::KeyMemory::new();
+    memory.store(&signing);
+    SigningState::at_start(memory.load(), None)
+}
+
+#[cfg(not(feature = "signing"))]
+fn retained(_: SigningState) -> SigningState {
+    SigningState::NONE
+}
+
+/// Starts the second engine of a node, and brings it to 30 %.
+async fn fly(node: &Node<2>) {
+    let source = node.owners()[1].source(Origin::Bench).unwrap();
+    let mut state = EngineState::Standby;
+    let mut ready = 0;
+    while state != EngineState::Running || ready < 200 {
+        let demand = Throttle::from_tenths(if state == EngineState::Running { 300 } else { 0 }).unwrap();
+        ready = if state == EngineState::Running || ready < 100 { ready + 1 } else { ready };
+        let _ = source.command(Command::Arm);
+        let command = if ready < 100 { Command::Standby } else { Command::Run(Demand::Throttle(demand)) };
+        let _ = source.command(command);
+        Timer::after(Duration::from_millis(100)).await;
+        state = node.handles()[1].telemetry().state;
+    }
+}
+
 /// Runs a scenario.
 pub fn run(scenario: impl AsyncFnOnce(&World<'_>)) {
     run_with(NodeSettings::DEFAULT, scenario);
@@ -506,6 +551,24 @@ pub fn run_signed(
     ground: PortConfig,
     scenario: impl AsyncFnOnce(&World<'_>),
 ) {
+    run_after(settings, signing, ground, false, scenario);
+}
+
+/// The second engine runs already, and the node knows nothing of it.
+pub fn run_beside_a_running_engine(scenario: impl AsyncFnOnce(&World<'_>)) {
+    // While an engine is ordered no vehicle is learnt.
+    let identity = Identity { system: SYSTEM, ..Identity::DEFAULT };
+    let settings = NodeSettings { identity, ..NodeSettings::DEFAULT };
+    run_after(settings, SigningState::NONE, PortConfig::usb(), true, scenario);
+}
+
+fn run_after(
+    settings: NodeSettings,
+    signing: SigningState,
+    ground: PortConfig,
+    right_runs: bool,
+    scenario: impl AsyncFnOnce(&World<'_>),
+) {
     clock::reset();
     let line = |line: Line| sim::line::Line::n1(line.baud);
     let engines = [
@@ -516,7 +579,13 @@ pub fn run_signed(
     let amt = AmtEcu::new(AmtConfig::new(sim::amt::EngineModel::Olympus).on(line(engines[0].line)));
     let zk = ZkEcu::new(ZkConfig::new(5).on(line(engines[1].line)));
     let (left_rx, left_tx, left) = sim::wire::connect(amt, line(engines[0].line), 1);
-    let (right_rx, right_tx, right) = sim::wire::connect(zk, line(engines[1].line), 2);
+    let (mut right_rx, mut right_tx, right) = sim::wire::connect(zk, line(engines[1].line), 2);
+    if right_runs {
+        let before = Node::<2>::new(&engines, None).unwrap();
+        let [_, runner] = before.runners();
+        clock::run(select(join(runner.run(right_rx, right_tx, &ERRORS), right.run()), fly(&before)));
+        (right_rx, right_tx) = right.reset_node();
+    }
     let parts = node.owners().into_iter().zip(engines).zip([3, 4]);
     let parts = parts.map(|((owner, config), output)| EngineParts {
         source: owner.source(Origin::Mavlink).unwrap(),
@@ -532,6 +601,7 @@ pub fn run_signed(
     let plane = Plane {
         alive: Cell::new(true),
         armed: Cell::new(false),
+        heartbeats: Cell::new(true),
         system: Cell::new(SYSTEM),
         outputs: Cell::new([IDLE_US; 16]),
         every: Cell::new(None),
@@ -548,11 +618,13 @@ pub fn run_signed(
         ground: Cell::new(true),
         key,
         stamp: Cell::new(0),
+        autopilot_behind: Cell::new(0),
         ports,
         restarted: Cell::new(false),
         key_is_everywhere: Cell::new(true),
         frames: RefCell::default(),
         bytes: RefCell::default(),
+        left: &left,
     };
     let [run_left, run_right] = node.runners();
     let engines = join(run_left.run(left_rx, left_tx, &ERRORS), run_right.run(right_rx, right_tx, &ERRORS));
