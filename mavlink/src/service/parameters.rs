@@ -7,6 +7,7 @@ use crate::dialect::PARAM_VALUE_DATA;
 use crate::engine::Engine;
 use crate::frame::Address;
 use crate::ids::PARAM_REAL32;
+use crate::kind::Kind;
 use crate::number::whole;
 use crate::port::{Class, List};
 use crate::refusal::Refusal;
