@@ -2,6 +2,7 @@
 
 import os
 import socket
+import struct
 import threading
 import time
 
@@ -33,6 +34,17 @@ def until(what, seconds, done):
             return result
         assert time.monotonic() < end, f"not within {seconds} s: {what}"
         time.sleep(0.005)
+
+
+class CommandCancel(mav.MAVLink_message):
+    """COMMAND_CANCEL, which pymavlink does not have."""
+
+    def __init__(self, system, component, command):
+        super().__init__(80, "COMMAND_CANCEL")
+        self.payload = struct.pack("<HBB", command, system, component)
+
+    def pack(self, to, force_mavlink1=False):
+        return self._pack(to, 14, self.payload, force_mavlink1=force_mavlink1)
 
 
 class Peer:

@@ -5,7 +5,7 @@ import sys
 
 from peers import *
 
-STANDBY, STARTING, RUNNING = 3, 6, 7
+STANDBY, START_REQUESTED, STARTING, RUNNING = 3, 5, 6, 7
 
 
 def discovery(ground, plane):
@@ -106,6 +106,22 @@ def flight(ground, plane):
     answer, text = ground.command(RIGHT, START, 1, confirmation=1)
     assert answer == NOT_NOW and "repeat" in text, (answer, text)
     plane.pulse = 1100
+
+
+def cancelled(ground, engine):
+    """A start is cancelled: a stop, and its repeat starts nothing."""
+    until("at rest", 400, lambda: ground.state(engine) == STANDBY and ground.last("EFI_STATUS", engine).rpm < 500)
+    wait(6)
+    answer, text = ground.command(engine, START, 1)
+    assert answer == ACCEPTED and "refused" not in text, (answer, text)
+    until("starting", 30, lambda: ground.state(engine) in (START_REQUESTED, STARTING))
+    mark = len(ground.received)
+    ground.say(CommandCancel(VEHICLE, engine, START))
+    ack = until("an answer", 0.5, lambda: ground.since(mark, "COMMAND_ACK", engine))[0]
+    assert (ack.command, ack.result) == (START, CANCELLED), ack
+    until("the start ends", 5, lambda: ground.state(engine) not in (START_REQUESTED, STARTING))
+    answer, text = ground.command(engine, START, 1, confirmation=1)
+    assert answer == NOT_NOW and "repeat" in text, (answer, text)
 
 
 def restart(ground):
@@ -209,6 +225,7 @@ def main():
     parameters(ground, RIGHT, (NODE, LEFT, RIGHT), 20)
     refusals(ground, plane, RIGHT)
     flight(ground, plane)
+    cancelled(ground, RIGHT)
     restart(ground)
     emergency(ground, RIGHT, LEFT)
     signing(ground, plane)
