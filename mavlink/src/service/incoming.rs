@@ -20,6 +20,8 @@ use mavlink_core::MessageData;
 impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     /// Does what a frame says. `has_waited`: it has been admitted before.
     pub(super) fn handle(&mut self, now: Instant, port: usize, frame: Frame, has_waited: bool) {
+        #[cfg(test)]
+        self.handled.push((frame.id, frame.fields.all().to_vec()));
         let from = frame.from;
         // Our own frames may come back.
         let own = self.system(now, port);

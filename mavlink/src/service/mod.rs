@@ -133,6 +133,9 @@ pub struct Service<'a, const N: usize, const P: usize, A: Attached = Nothing> {
     /// Parameters that were set and are not stored yet.
     pending: Deque<Pending, PENDING>,
     counters: Counters,
+    /// What was handled, for a judge.
+    #[cfg(test)]
+    pub(crate) handled: std::vec::Vec<(u32, std::vec::Vec<u8>)>,
 }
 
 /// What becomes of a parameter that was set.
@@ -236,6 +239,8 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             confirming: false,
             pending: Deque::new(),
             counters: Counters::default(),
+            #[cfg(test)]
+            handled: std::vec::Vec::new(),
         }
     }
 

@@ -75,11 +75,19 @@ fn whole(bytes: &[u8]) -> Option<(u32, &[u8])> {
     (sum == right).then(|| (id, &bytes[header..header + length]))
 }
 
-/// Whole frames that command or set, addressed to our system, at any offset.
-fn orders(stream: &[u8]) -> (u32, u32) {
+/// Number and payload of a message, without the zeros at its end: version 2 leaves them out.
+fn trimmed(id: u32, payload: &[u8]) -> (u32, Vec<u8>) {
+    let end = payload.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
+    (id, payload[..end].to_vec())
+}
+
+/// Whole frames that command or set, addressed to our system, at any offset; and all whole frames.
+fn orders(stream: &[u8]) -> (u32, u32, Vec<(u32, Vec<u8>)>) {
     let (mut commands, mut sets) = (0, 0);
+    let mut all = Vec::new();
     for offset in 0..stream.len() {
         let Some((id, payload)) = whole(&stream[offset..]) else { continue };
+        all.push(trimmed(id, payload));
         let target = MESSAGES.into_iter().find(|(known, ..)| *known == id).and_then(|(.., target)| target);
         // Zeros at the end of a payload are left out in version 2.
         if target.is_none_or(|at| payload.get(at).copied().unwrap_or(0) != 3) {
@@ -87,7 +95,7 @@ fn orders(stream: &[u8]) -> (u32, u32) {
         }
         if id == 23 { sets += 1 } else { commands += 1 }
     }
-    (commands, sets)
+    (commands, sets, all)
 }
 
 fn original(rng: &mut fastrand::Rng) -> Vec<u8> {
@@ -173,7 +181,7 @@ fn damaged_streams(frames: u64, seed: u64) {
     let mut service: Service<'_, 2, 2> = Service::new(now, settings, SigningState::NONE, parts, ports);
     let mut rng = fastrand::Rng::with_seed(seed);
     let (mut sent, mut damaged, mut whole_orders, mut obeyed) = (0_u64, 0_u64, 0_u64, 0_u64);
-    let mut by_chance = 0;
+    let (mut by_chance, mut handled) = (0, 0_u64);
     while sent < frames {
         // A stream, with the orders in it that were not damaged.
         let mut stream = Vec::new();
@@ -186,7 +194,7 @@ fn damaged_streams(frames: u64, seed: u64) {
             }
             if frame != before {
                 damaged += 1;
-            } else if orders(&frame) != (0, 0) {
+            } else if matches!(orders(&frame), (commands, sets, _) if commands + sets > 0) {
                 untouched += 1;
             }
             sent += 1;
@@ -208,7 +216,15 @@ fn damaged_streams(frames: u64, seed: u64) {
         }
         // Whatever began at its end ends here.
         service.receive(now, port, &[0; 300]);
-        let (commands, sets) = orders(&stream);
+        let (commands, sets, mut all) = orders(&stream);
+        for (id, payload) in core::mem::take(&mut service.handled) {
+            let message = trimmed(id, &payload);
+            let place = all.iter().position(|found| *found == message);
+            // A frame that was taken is one that the other reader has found, and each of them once.
+            let Some(place) = place else { panic!("message {id} is none: {payload:02X?} in {stream:02X?}") };
+            all.swap_remove(place);
+            handled += 1;
+        }
         let done = service.counters();
         let (commanded, set) = (
             done.commands.wrapping_sub(before.commands),
@@ -224,7 +240,7 @@ fn damaged_streams(frames: u64, seed: u64) {
     }
     std::println!(
         "{sent} frames, {damaged} of them damaged; {whole_orders} whole orders, of which {by_chance} although damaged; \
-         {obeyed} carried out or answered"
+         {obeyed} carried out or answered; {handled} messages are what the other reader has found"
     );
     // Most of what was whole was received, or the judge would judge nothing.
     assert!(obeyed * 4 > whole_orders && obeyed > 0);
