@@ -126,8 +126,10 @@ pub struct Vehicle {
     learns: bool,
     /// What is stored of it.
     learnt: u8,
-    /// A second vehicle is there.
+    /// A second vehicle is there; where the id is learnt, it comes and goes, and then and until then.
     company: bool,
+    company_until: u64,
+    next_company: u64,
     /// Outputs 17 to 32 are used.
     high: bool,
     people: Vec<Person>,
@@ -207,7 +209,9 @@ impl Vehicle {
         Self {
             learns,
             learnt: 0,
-            company: !learns && rng.percent(50),
+            company: rng.percent(50),
+            company_until: if learns { rng.wait(30 * SECOND) } else { u64::MAX },
+            next_company: if learns { rng.wait(300 * SECOND) } else { u64::MAX },
             high,
             people,
             autopilot,
@@ -429,6 +433,18 @@ impl Vehicle {
     fn pass_by(&mut self, now: u64) {
         if !self.company || now < self.next_stranger {
             return;
+        }
+        if self.learns {
+            if now >= self.next_company {
+                self.company_until = now + self.rng.spread(SECOND, 60 * SECOND);
+                self.next_company = self.company_until + self.rng.wait(300 * SECOND);
+            }
+            // Alone it would be learnt in place of ours.
+            let ours = now > self.autopilot.booted + 5 * SECOND || self.autopilot.booted == 0;
+            if now >= self.company_until || now < self.autopilot.off_until || !ours {
+                self.next_stranger = now + SECOND;
+                return;
+            }
         }
         self.next_stranger = now + self.rng.spread(50 * MS, 2 * SECOND);
         let armed = !self.autopilot.armed;

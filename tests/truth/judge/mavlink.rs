@@ -28,6 +28,8 @@ struct Words<'a> {
     shown: Vec<(u64, Option<bool>)>,
     /// Starts that are no repeat, of all senders.
     starts: Vec<(u64, bool)>,
+    /// Repeats that may be judged anew: what they repeat is 5 s old.
+    renewed: Vec<(u64, bool)>,
     /// The node has the id of the vehicle from here on, over resets too: it has answered.
     known: u64,
 }
@@ -37,8 +39,9 @@ impl<'a> Words<'a> {
         let late: Vec<_> = mavlink.damaged.iter().map(|at| (*at, at + 2 * FOUND_LATE)).collect();
         let mut ups = resets.iter().map(|(_, up)| *up).peekable();
         let (mut shown, mut same) = (vec![(0, None)], (false, 0));
-        let mut starts = Vec::new();
-        let mut last: Vec<(u8, u64)> = Vec::new();
+        let (mut starts, mut renewed) = (Vec::new(), Vec::new());
+        // Of each sender: the last start, whether it was allowed while disarmed, and when a repeat of it may have been judged anew.
+        let mut last: Vec<(u8, u64, bool, Option<u64>)> = Vec::new();
         for Received { at, word } in &mavlink.received {
             while let Some(up) = ups.next_if(|up| up <= at) {
                 shown.push((up, None));
@@ -53,15 +56,27 @@ impl<'a> Words<'a> {
                     }
                 }
                 Word::Start { from, again, while_disarmed } => {
-                    let before = last.iter_mut().find(|(sender, _)| *sender == from);
-                    match before {
-                        Some((_, when)) if again || *at < *when + REPEAT => {}
-                        Some((_, when)) => {
+                    let recent = |when: u64| *at < when + REPEAT;
+                    match last.iter_mut().find(|(sender, ..)| *sender == from) {
+                        Some((_, when, same, anew))
+                            if *same == while_disarmed && (again || recent(*when)) =>
+                        {
+                            if !recent(*when) {
+                                *anew = Some(*at);
+                                renewed.push((*at, while_disarmed));
+                            }
+                        }
+                        // It may repeat what may have been judged anew.
+                        Some((_, when, same, Some(anew))) if *same == while_disarmed && recent(*anew) => {
                             *when = *at;
+                            renewed.push((*at, while_disarmed));
+                        }
+                        Some(before) => {
+                            *before = (from, *at, while_disarmed, None);
                             starts.push((*at, while_disarmed));
                         }
                         None => {
-                            last.push((from, *at));
+                            last.push((from, *at, while_disarmed, None));
                             starts.push((*at, while_disarmed));
                         }
                     }
@@ -71,7 +86,7 @@ impl<'a> Words<'a> {
         }
         let answered = mavlink.answers.first().map_or(u64::MAX, |answer| answer.at);
         let known = if mavlink.learns { answered } else { 0 };
-        Self { mavlink, late: Spans::from(&late), shown, starts, known }
+        Self { mavlink, late: Spans::from(&late), shown, starts, renewed, known }
     }
 
     /// How much earlier than at this instant a frame may have come that is found now.
@@ -145,7 +160,9 @@ impl Case<'_> {
             let earliest = at - words.tolerance(at).min(at);
             let any = |is: fn(Word) -> bool| words.now(at).any(is);
             let begins = i > 0 && own[i - 1].at == at && own[i - 1].command == PilotCommand::Standby;
-            let start = words.starts.iter().rev().find(|(when, _)| (earliest..=at).contains(when));
+            let begun = |(when, _): &&(u64, bool)| (earliest..=at).contains(when);
+            let start = words.starts.iter().rev().find(begun);
+            let start = start.or_else(|| words.renewed.iter().rev().find(begun));
             let why = match commanded.command {
                 PilotCommand::Run(Demanded::Throttle(0)) if begins => {
                     stopped = None;
@@ -229,7 +246,11 @@ impl Case<'_> {
             Word::Output { tenths, .. } => tenths,
             _ => None,
         });
-        let Some(most) = most.max() else { return Some("no frame of the stream came".into()) };
+        let disarmed = words.shows(at) == Some(false) || words.may_show(earliest, at, false);
+        let Some(most) = most.max() else {
+            // Disarmed is idle without a stream, too.
+            return (tenths > 0 || !disarmed).then(|| "no frame of the stream came".into());
+        };
         if tenths > most {
             return Some(format!("the stream has {}", Demanded::Throttle(most)));
         }
