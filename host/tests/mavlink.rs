@@ -12,8 +12,10 @@ mod python;
 use process::Running;
 use python::{PYMAVLINK, python};
 use std::io::{BufRead, BufReader, Write};
+use std::net::{SocketAddr, UdpSocket};
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
+use std::time::Duration;
 
 /// Engine time passes this many times as fast.
 const SPEED: &str = "8";
@@ -121,6 +123,75 @@ fn under_arduplane(script: &str, usual_speed: &str, instance: &str, end: &str) {
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success() && text.contains(end), "{text}{errors}");
     println!("{text}");
+}
+
+/// A frame of a ground station, version 1.
+fn frame(id: u8, extra: u8, payload: &[u8]) -> Vec<u8> {
+    let mut frame = vec![0xFE, payload.len() as u8, 0, 255, 190, id];
+    frame.extend(payload);
+    let mut crc = 0xFFFF_u16;
+    for byte in frame[1..].iter().chain(&[extra]) {
+        crc ^= u16::from(*byte);
+        for _ in 0..8 {
+            crc = if crc & 1 != 0 { crc >> 1 ^ 0x8408 } else { crc >> 1 };
+        }
+    }
+    frame.extend(crc.to_le_bytes());
+    frame
+}
+
+/// A station on a UDP port of its own.
+struct Station(UdpSocket);
+
+impl Station {
+    fn new() -> Self {
+        let socket = UdpSocket::bind("127.0.0.1:0").expect("a port");
+        socket.set_read_timeout(Some(Duration::from_millis(250))).expect("a timeout");
+        Self(socket)
+    }
+
+    fn port(&self) -> u16 {
+        self.0.local_addr().expect("its number").port()
+    }
+
+    /// The number of the message that comes from the node next, and from where.
+    fn next(&self) -> Option<(u8, SocketAddr)> {
+        let mut buffer = [0; 2048];
+        let (count, from) = self.0.recv_from(&mut buffer).ok()?;
+        (count > 12 && buffer[0] == 0xFD && buffer[6] >= 25).then_some((buffer[7], from))
+    }
+
+    /// Says this to a port, again and again, until something of the node comes back.
+    fn is_answered(&self, to: u16, bytes: &[u8], tries: usize) -> bool {
+        (0..tries).any(|_| {
+            self.0.send_to(bytes, ("127.0.0.1", to)).expect("it is sent");
+            self.next().is_some()
+        })
+    }
+}
+
+#[test]
+fn by_udp_the_last_peer_that_sent_a_frame_is_answered_and_udpout_sends_to_its_own() {
+    let ground = Station::new().port();
+    // The first one is the autopilot's, and nothing is sent there before it is learnt.
+    let (autopilot, own) = (Station::new(), Station::new());
+    let addresses = [
+        format!("udpout:127.0.0.1:{}", autopilot.port()),
+        format!("udpout:127.0.0.1:{}", own.port()),
+        format!("udpin:127.0.0.1:{ground}"),
+    ];
+    let ports = addresses.into_iter().flat_map(|address| ["--mavlink".to_owned(), address]);
+    let _rig = rig(&ports.chain(["--speed".into(), SPEED.into()]).collect::<Vec<_>>());
+    let beat = frame(0, 50, &[0, 0, 0, 0, 6, 8, 0, 4, 3]);
+    let (first, second, stray) = (Station::new(), Station::new(), Station::new());
+    assert!(first.is_answered(ground, &beat, 100), "the first peer");
+    assert!(!stray.is_answered(ground, b"no frame", 8), "who sends no frame takes nothing over");
+    assert!(second.is_answered(ground, &beat, 20), "another one");
+    assert!(first.is_answered(ground, &beat, 20), "and the first one again");
+    let (_, from) = (0..100).find_map(|_| own.next()).expect("something on its own port");
+    own.0.send_to(&frame(21, 159, &[1, 0]), from).expect("a request for all parameters is sent");
+    assert!((0..2000).any(|_| own.next().is_some_and(|(id, _)| id == 22)), "a parameter");
+    assert!(autopilot.next().is_none());
 }
 
 #[test]

@@ -9,7 +9,7 @@ pub enum Address {
     TcpIn(String),
     /// Connects, and connects again.
     TcpOut(String),
-    /// Receives here, and answers the last sender.
+    /// Receives here, and answers the last sender of a frame.
     UdpIn(String),
     /// Sends there.
     UdpOut(String),

@@ -3,9 +3,10 @@
 use super::address::Address;
 use embassy_time::{Instant, Timer};
 use embedded_io_async::ErrorType;
+use jetlink_mavlink::frame::Decoder;
 use std::convert::Infallible;
 use std::io::{self, Read, Write};
-use std::net::{TcpListener, TcpStream, UdpSocket};
+use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::sync::mpsc::{Receiver, Sender, SyncSender, TrySendError, channel, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -78,12 +79,12 @@ impl Link {
             }
             Address::UdpIn(at) => {
                 let socket = UdpSocket::bind(at).map_err(cannot)?;
-                std::thread::spawn(move || reader.serve_udp(socket, true));
+                std::thread::spawn(move || reader.answer_udp(socket));
             }
             Address::UdpOut(at) => {
                 let socket = UdpSocket::bind("0.0.0.0:0").map_err(cannot)?;
                 socket.connect(at).map_err(cannot)?;
-                std::thread::spawn(move || reader.serve_udp(socket, false));
+                std::thread::spawn(move || reader.serve_udp(socket));
             }
             Address::Serial(device, baud) => {
                 let (device, baud) = (device.clone(), *baud);
@@ -215,40 +216,73 @@ impl Reader {
         self.set_writer(None);
     }
 
-    fn serve_udp(&self, socket: UdpSocket, answers: bool) {
+    /// To one peer.
+    fn serve_udp(&self, socket: UdpSocket) {
         let mut bytes = [0; 2048];
-        if !answers && let Ok(other) = socket.try_clone() {
-            self.set_writer(Some(Box::new(Datagrams(other))));
+        if let Ok(other) = socket.try_clone() {
+            self.set_writer(Some(Box::new(Datagrams(other, None))));
         }
-        let mut peer = None;
         loop {
-            match socket.recv_from(&mut bytes) {
-                Ok((count, from)) => {
-                    if answers && peer != Some(from) && socket.connect(from).is_ok() {
-                        // From here on only this peer is received, until the rig ends.
-                        peer = Some(from);
-                        if let Ok(other) = socket.try_clone() {
-                            self.set_writer(Some(Box::new(Datagrams(other))));
-                        }
-                    }
-                    if self.to_simulation.send(bytes[..count].to_vec()).is_err() {
-                        return;
-                    }
-                }
+            match socket.recv(&mut bytes) {
+                Ok(count) if self.to_simulation.send(bytes[..count].to_vec()).is_err() => return,
+                Ok(_) => {}
                 // Nobody listens there at the moment.
                 Err(_) => std::thread::sleep(AGAIN),
             }
         }
     }
+
+    /// With the last peer that sent a frame of MAVLink, or else with the first one.
+    fn answer_udp(&self, socket: UdpSocket) {
+        let mut bytes = [0; 2048];
+        let mut peer = None;
+        loop {
+            let Ok((count, from)) = socket.recv_from(&mut bytes) else {
+                std::thread::sleep(AGAIN);
+                continue;
+            };
+            let datagram = &bytes[..count];
+            if peer != Some(from) {
+                if peer.is_some() && !has_frame(datagram) {
+                    continue;
+                }
+                peer = Some(from);
+                if let Ok(other) = socket.try_clone() {
+                    self.set_writer(Some(Box::new(Datagrams(other, peer))));
+                }
+            }
+            if self.to_simulation.send(datagram.to_vec()).is_err() {
+                return;
+            }
+        }
+    }
 }
 
-/// Each write is a datagram.
-struct Datagrams(UdpSocket);
+fn has_frame(mut bytes: &[u8]) -> bool {
+    let mut decoder = Decoder::new();
+    while !bytes.is_empty() {
+        let (taken, frame) = decoder.receive(None, bytes);
+        if frame.is_some() {
+            return true;
+        }
+        if taken == 0 {
+            return false;
+        }
+        bytes = &bytes[taken..];
+    }
+    false
+}
+
+/// Each write is a datagram: to this peer, or to the one that the socket is connected to.
+struct Datagrams(UdpSocket, Option<SocketAddr>);
 
 impl Write for Datagrams {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         // A peer that is not there loses it, as a radio does.
-        let _ = self.0.send(bytes);
+        let _ = match self.1 {
+            Some(peer) => self.0.send_to(bytes, peer),
+            None => self.0.send(bytes),
+        };
         Ok(bytes.len())
     }
 
