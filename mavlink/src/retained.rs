@@ -1,18 +1,20 @@
-//! Key and last time stamp in RAM that survives a reset, not a loss of power.
+//! Key, last time stamp and senders in RAM that survives a reset, not a loss of power.
 //!
 //! A reset may come in the middle of a write: there are two copies, each with a checksum and a number, and they are written in turn. What
 //! else a power-up leaves there has no right checksum.
 
-use crate::signing::{Key, SigningState, Stamp};
+use crate::signing::{Key, STREAMS, SigningState, Stamp};
 use core::sync::atomic::{AtomicU32, Ordering};
 use jetlink::checksum::Checksum;
 
-/// Number, key, stamp, checksum.
-const WORDS: usize = 1 + KEY + 2 + 1;
+/// Number, key, stamp, senders, checksum.
+const WORDS: usize = 1 + KEY + 2 + SENDER * STREAMS + 1;
 const KEY: usize = 8;
+/// Of a sender ([`SigningState::senders`]).
+const SENDER: usize = 2;
 
 /// In front of what the checksum is of: this layout.
-const LAYOUT: &[u8] = b"jetlink key 1";
+const LAYOUT: &[u8] = b"jetlink key 2";
 
 /// The memory. Every content is valid, so that start-up need not initialise it. Each copy is written whole, and words after it, as an
 /// STM32H7 loses the last 64 bits that were written (AN5342).
@@ -77,8 +79,12 @@ fn words(number: u32, state: &SigningState) -> [u32; WORDS] {
     let key = state.key().map_or([0; 32], Key::bytes);
     let (stamp, (parts, _)) = (state.stamp().get(), key.as_chunks::<4>());
     let mut words = [number; WORDS];
-    let content =
-        parts.iter().map(|part| u32::from_le_bytes(*part)).chain([stamp as u32, (stamp >> 32) as u32]);
+    let content = parts
+        .iter()
+        .map(|part| u32::from_le_bytes(*part))
+        .chain([stamp as u32, (stamp >> 32) as u32])
+        .chain(state.senders().flatten())
+        .chain(core::iter::repeat(0));
     words.iter_mut().skip(1).zip(content).for_each(|(word, part)| *word = part);
     if let Some((last, content)) = words.split_last_mut() {
         *last = checksum(content);
@@ -92,12 +98,15 @@ fn read(words: [u32; WORDS]) -> Option<(u32, SigningState)> {
         return None;
     }
     let (&number, content) = content.split_first()?;
-    let (key, stamp) = content.split_at_checked(KEY)?;
+    let (key, content) = content.split_at_checked(KEY)?;
+    let (stamp, senders) = content.split_at_checked(2)?;
     let mut bytes = [0; 4 * KEY];
     bytes.iter_mut().zip(key.iter().flat_map(|word| word.to_le_bytes())).for_each(|(to, byte)| *to = byte);
     let [low, high] = stamp.try_into().ok()?;
     let stamp = Stamp::new(u64::from(low) | u64::from(high) << 32)?;
-    Some((number, SigningState::new(Key::new(bytes), stamp)))
+    let (senders, _) = senders.as_chunks();
+    let state = SigningState::new(Key::new(bytes), stamp);
+    Some((number, senders.iter().fold(state, |state, sender| state.with_sender(*sender))))
 }
 
 fn checksum(words: &[u32]) -> u32 {
@@ -107,6 +116,9 @@ fn checksum(words: &[u32]) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ids::Address;
+    use crate::signing::{Ignored, Signature, Signing};
+    use embassy_time::Instant;
 
     fn state(key: u8, stamp: u64) -> SigningState {
         SigningState::new(Key::new([key; 32]), Stamp::new(stamp).unwrap())
@@ -135,6 +147,35 @@ mod tests {
         memory.store(&state(9, 2));
         memory.store(&state(9, 3));
         assert_eq!(content(&memory), Some((Key::new([9; 32]), 3)));
+    }
+
+    /// A sender that is 5 days behind is known, one that is 8 days behind is not.
+    #[test]
+    fn senders_come_back_with_their_stamps() {
+        let day = 24 * 3600 * 100_000;
+        let stamp = Stamp::new(100 * day).unwrap();
+        let mut signing =
+            Signing::new(Instant::from_secs(1), SigningState::new(Key::new([7; 32]), Stamp::ZERO));
+        let from = |component| Address { system: 3, component };
+        let judge = |signing: &mut Signing, component, units, port| {
+            let signature = Signature::Right { link: 9, stamp: Stamp::new(units).unwrap() };
+            signing.judge(Instant::from_secs(1), port, from(component), signature)
+        };
+        assert_eq!(judge(&mut signing, 1, 92 * day, 0), Ok(()));
+        // The first one that is ahead takes our clock with it; the second was there before.
+        let state = signing.state(Instant::from_secs(1));
+        let state = state.with_sender([u32::from_le_bytes([3, 2, 9, 0x80 | 1 << 4]), 0]);
+        let mut signing = Signing::new(Instant::from_secs(1), state);
+        assert_eq!(judge(&mut signing, 2, 95 * day, 1), Ok(()));
+        assert_eq!(judge(&mut signing, 3, stamp.get(), 2), Ok(()));
+        let memory = KeyMemory::new();
+        memory.store(&signing.state(Instant::from_secs(1)));
+        let mut again = Signing::new(Instant::from_secs(1), memory.load().unwrap());
+        assert_eq!(judge(&mut again, 1, 92 * day + 1, 0), Err(Ignored::Behind));
+        assert_eq!(judge(&mut again, 2, 95 * day, 1), Err(Ignored::Replayed));
+        assert_eq!(judge(&mut again, 2, 95 * day + 1, 1), Ok(()));
+        assert_eq!(judge(&mut again, 3, stamp.get(), 2), Err(Ignored::Replayed));
+        assert_eq!(judge(&mut again, 3, stamp.get() + 1, 2), Ok(()));
     }
 
     #[test]

@@ -20,6 +20,16 @@ const BEHIND: u64 = Stamp::units(Duration::from_secs(60));
 /// Longest delay of a copy that comes by another port.
 const COPY: u64 = Stamp::units(Duration::from_secs(10));
 
+/// Parts of a byte of a sender that is retained.
+#[cfg(feature = "signing")]
+const IS_SENDER: u8 = 0x80;
+#[cfg(feature = "signing")]
+const PORT_AT: u8 = 4;
+#[cfg(feature = "signing")]
+const PORT: u8 = 7;
+#[cfg(feature = "signing")]
+const BEHIND_HIGHEST: u8 = 0x0F;
+
 /// A key, which ground station, autopilot and node share. It is neither logged nor printed.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Key([u8; 32]);
@@ -206,11 +216,40 @@ impl SigningState {
     pub fn at_start(retained: Option<Self>, stored: Option<Self>) -> Self {
         match (retained, stored) {
             (Some(retained), Some(stored)) if retained.key.is_none() || retained.key == stored.key => {
-                Self::new(stored.key, retained.stamp.max(stored.stamp))
+                let streams = if retained.key == stored.key { retained.streams } else { Vec::new() };
+                Self { key: stored.key, stamp: retained.stamp.max(stored.stamp), streams }
             }
             (Some(state), _) | (None, Some(state)) => state,
             (None, None) => Self::NONE,
         }
+    }
+
+    /// Its senders, two words each: system, component, link, a byte, and how far its last stamp is behind. The byte has the highest bits of
+    /// that, the port, and a bit that is set. One that is 7 days behind is left out.
+    #[cfg(feature = "signing")]
+    pub(crate) fn senders(&self) -> impl Iterator<Item = [u32; 2]> {
+        self.streams.iter().filter_map(|stream| {
+            let behind = self.stamp.0.saturating_sub(stream.stamp.0);
+            let highest = u8::try_from(behind >> 32).ok().filter(|highest| *highest <= BEHIND_HIGHEST)?;
+            let port = u8::try_from(stream.port).unwrap_or(u8::MAX) & PORT;
+            let last = IS_SENDER | port << PORT_AT | highest;
+            let Address { system, component } = stream.from;
+            Some([u32::from_le_bytes([system, component, stream.link, last]), behind as u32])
+        })
+    }
+
+    /// The same with another sender, if it is one. None more than there is space for.
+    #[cfg(feature = "signing")]
+    pub(crate) fn with_sender(mut self, [sender, behind]: [u32; 2]) -> Self {
+        let [system, component, link, last] = sender.to_le_bytes();
+        if last & IS_SENDER != 0 {
+            let from = Address { system, component };
+            let behind = u64::from(last & BEHIND_HIGHEST) << 32 | u64::from(behind);
+            let stamp = Stamp(self.stamp.0.saturating_sub(behind));
+            let port = usize::from(last >> PORT_AT & PORT);
+            let _ = self.streams.push(Stream { from, link, stamp, port });
+        }
+        self
     }
 
     /// A key, and the last time stamp that was used.
@@ -235,7 +274,7 @@ pub(crate) struct Signing {
     state: SigningState,
     /// A stamp, and the time at which it was right: the clock continues from there.
     clock: (Stamp, Instant),
-    /// Where the senders were lost: what acts has to be signed with a later stamp than this.
+    /// The stamp at the start: what acts has to be signed with a later one. What was retained of senders may be 0.1 s old, or lost.
     #[cfg(feature = "signing")]
     floor: Stamp,
 }
@@ -245,7 +284,7 @@ impl Signing {
         let clock = (state.stamp, now);
         Self {
             #[cfg(feature = "signing")]
-            floor: if state.streams.is_empty() { state.stamp } else { Stamp::ZERO },
+            floor: state.stamp,
             state,
             clock,
         }

@@ -126,6 +126,9 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         if self.any_turns() {
             return Err(Refusal::Turns);
         }
+        if !self.is_at_rest() {
+            return Err(Refusal::NotAtRest);
+        }
         let stamp = Stamp::new(u64::from_le_bytes(setup.bytes(setup_signing::TIMESTAMP)))
             .ok_or(Refusal::Malformed("SETUP_SIGNING: initial_timestamp has 48 bits"))?;
         let key = Key::new(setup.bytes(setup_signing::KEY));

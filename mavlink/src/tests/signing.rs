@@ -371,3 +371,46 @@ fn what_was_ignored_is_shown_by_the_node() {
         assert_eq!(values(at), expected.map(|(name, count)| (String::from(name), count)).into());
     });
 }
+
+/// A link that was cut shows nothing of its engine.
+#[test]
+fn no_key_is_set_while_an_engine_is_not_seen_at_rest() {
+    run(async |world| {
+        world.ready().await;
+        world.left.cut(true);
+        world.pass(3.0).await;
+        world.key_is_everywhere.set(false);
+        let (has, texts) = set_up(world, TO_GROUND, &bytes(SETUP)).await;
+        assert!(!has && texts.contains("all engines have to be se"), "{texts}");
+        world.left.cut(false);
+        world.pass(5.0).await;
+        assert!(set_up(world, TO_GROUND, &bytes(SETUP)).await.0);
+    });
+}
+
+/// An autopilot without the time of day signs with a clock that is behind. It was there first, so it is known, and a reset of the node in
+/// flight makes no stranger of it.
+#[test]
+fn an_autopilot_with_a_clock_behind_is_followed_after_a_reset_of_the_node() {
+    const BEHIND: u64 = 120 * 100_000;
+    let kept = SigningState::new(key(), Stamp::new(SENDERS_STAMP - BEHIND - 1000).unwrap());
+    run_signed(NodeSettings::DEFAULT, kept, PortConfig::network(), async |world| {
+        world.autopilot_behind.set(BEHIND);
+        world.ready().await;
+        world.start(0).await;
+        world.throttle(1500);
+        world.until("it follows", 20, || world.ordered(0) == Some(500)).await;
+        assert_eq!(counted(world).clocks_behind, 0);
+        world.restart_service();
+        world.throttle(1300);
+        world.until("it follows again", 10, || world.ordered(0) == Some(250)).await;
+        assert_eq!(counted(world).clocks_behind, 0);
+        // What it had sent before is a replay all the same.
+        let beat = HEARTBEAT_DATA { mavtype: 1, autopilot: 3, ..Default::default() };
+        let old = world.frame(TO_AUTOPILOT, AUTOPILOT, &beat);
+        world.pass(2.0).await;
+        world.restart_service();
+        world.say_bytes(TO_AUTOPILOT, &old);
+        assert_eq!(counted(world).replayed, 1);
+    });
+}
