@@ -739,7 +739,7 @@ fn a_refused_start_does_not_disarm_what_another_source_has_armed() {
         let (answer, texts) = world.control(1, &[1.0, 0.0, 0.0, 1.0]).await;
         assert_eq!(answer, NOT_NOW, "{texts}");
         assert!(world.telemetry(1).armed, "it was armed by radio control");
-        assert!(matches!(world.telemetry(1).ordered.order, Order::Run(_)), "its start goes on");
+        assert!(matches!(world.telemetry(1).ordered.order, Order::Run(_)), "its start continues");
         // The control: what MAVLink itself has armed for a start that is refused is not armed after it.
         world.left.cut(true);
         world.pass(0.5).await;
