@@ -24,13 +24,15 @@ pub fn draw(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
     let inside = block.inner(area);
     frame.render_widget(block, area);
     let (width, height) = (usize::from(inside.width), usize::from(inside.height));
-    let mut lines = lines(model, theme, width, false);
+    let mut lines = lines(model, theme, width, Met::Listed);
     // On a low screen all of the text is worth more than the space between, and than what is met.
     if lines.len() > height {
         lines.retain(|line| line.width() > 0);
     }
-    if lines.len() > height {
-        lines = self::lines(model, theme, width, true);
+    for met in [Met::Named, Met::Counted] {
+        if lines.len() > height {
+            lines = self::lines(model, theme, width, met);
+        }
     }
     if let Some(hidden) = lines.len().checked_sub(height).filter(|hidden| *hidden > 0) {
         lines.truncate(height.saturating_sub(1));
@@ -40,8 +42,18 @@ pub fn draw(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
     frame.render_widget(Paragraph::new(lines), inside);
 }
 
-/// `low`: in as few lines as possible.
-fn lines(model: &Model, theme: Theme, width: usize, low: bool) -> Vec<Line<'static>> {
+/// How conditions that are met are shown.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Met {
+    /// A line each.
+    Listed,
+    /// By their names alone.
+    Named,
+    /// By their number.
+    Counted,
+}
+
+fn lines(model: &Model, theme: Theme, width: usize, shown: Met) -> Vec<Line<'static>> {
     let line = |text: String, tone| Line::from(Span::styled(theme.text(&text), theme.style(tone)));
     let wrapped = |text: String, indent, tone| -> Vec<Line<'static>> {
         let lines = wrapped(&theme.text(&text), width, indent, theme.mark());
@@ -54,20 +66,21 @@ fn lines(model: &Model, theme: Theme, width: usize, low: bool) -> Vec<Line<'stat
     let conditions = conditions::of_start(detail);
     let met: Vec<&str> = conditions.iter().filter(|condition| condition.met).map(|c| c.what).collect();
     let head = "Conditions of a start now";
-    let mut lines = match (low, met.is_empty()) {
-        (true, false) => wrapped(format!("{head}; met: {}", met.join(", ")), 1, Tone::Head),
+    let mut lines = match shown {
+        Met::Named if !met.is_empty() => wrapped(format!("{head}; met: {}", met.join(", ")), 1, Tone::Head),
+        Met::Counted if !met.is_empty() => vec![line(format!("{head}; {} are met", met.len()), Tone::Head)],
         _ => vec![line(head.to_owned(), Tone::Head)],
     };
-    for condition in conditions.iter().filter(|condition| !(low && condition.met)) {
+    for condition in conditions.iter().filter(|condition| shown == Met::Listed || !condition.met) {
         let (mark, tone) = if condition.met { ("✓", Tone::Good) } else { ("✗", Tone::Warn) };
-        let (text, indent) = if low {
-            (format!(" {mark} {}: {}", condition.what, condition.text), 3)
-        } else {
+        let (text, indent) = if shown == Met::Listed {
             (format!(" {mark} {:<15} {}", condition.what, condition.text), INDENT)
+        } else {
+            (format!(" {mark} {}: {}", condition.what, condition.text), 3)
         };
         lines.extend(wrapped(text, indent, tone));
     }
-    let space = || (!low).then(|| line(String::new(), Tone::Plain));
+    let space = || (shown == Met::Listed).then(|| line(String::new(), Tone::Plain));
     lines.extend(space());
     lines.push(line(
         format!("Demand: commanded {}, sent {}", super::rows::commanded(sample), sample.wire_text()),
