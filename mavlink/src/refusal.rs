@@ -121,7 +121,9 @@ impl core::fmt::Display for Refusal {
             Self::Repeated => f.write_str("repeated within 5 s of the refused one, wait 5 s"),
             Self::HasEnded => f.write_str("the run of this start has ended: send a new one after 5 s"),
             Self::Restarts => f.write_str("the node is about to restart"),
-            Self::ShutsOut => f.write_str("you could not set it back: set it over USB, or allow another sender first"),
+            Self::ShutsOut => {
+                f.write_str("you could not set it back: set it over USB, or allow another sender first")
+            }
             #[cfg(feature = "signing")]
             Self::OnlyByUsb => f.write_str("set the key over USB: other links can be overheard"),
             Self::Turns => f.write_str("an engine turns or is ordered to run: stop it first"),

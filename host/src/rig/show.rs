@@ -13,7 +13,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::Duration;
 
-/// Time without a message after which held-back lines are written.
+/// Time without a message after which the CSV file is flushed.
 const IDLE: Duration = Duration::from_millis(200);
 
 /// Where the run is shown.
