@@ -80,7 +80,9 @@ pub use {
     early::end as restart,
     embassy_executor::Executor,
     outputs::drive_output,
-    port::{EcuPort, open},
+    port::EcuPort,
     stm32::{Led, Watchdog, start_engine_executor},
-    table::{INVERTS_RX, NAME, OUTPUTS, OUTPUTS_LOW_BEFORE, PORTS, TELEMETRY_PORT, TWO_STOP_BITS, init},
+    table::{
+        INVERTS_RX, NAME, OUTPUTS, OUTPUTS_LOW_BEFORE, PORTS, TELEMETRY_PORT, TWO_STOP_BITS, init, open,
+    },
 };

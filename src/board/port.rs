@@ -17,7 +17,6 @@
 
 use super::chip;
 use super::format::Format;
-use super::table::{PORTS, driver};
 use core::marker::PhantomData;
 use core::sync::atomic::{AtomicU32, Ordering};
 use embassy_stm32::{
@@ -42,7 +41,12 @@ pub struct EcuPort {
     format: Format,
     /// Its number, and that of its buffers.
     number: (usize, usize),
+    /// Reopens it.
+    driver: Driver,
 }
+
+/// The driver of the port of a number, with buffers for sending and receiving; `None`: there is none. The port must not be open.
+pub type Driver = unsafe fn(usize, &'static mut [u8], &'static mut [u8], Format) -> Option<Opened>;
 
 /// A driver, or what is wrong with its configuration, and the counters of line errors.
 pub type Opened = (Result<BufferedUart<'static>, ConfigError>, &'static LineErrors);
@@ -51,11 +55,11 @@ impl EcuPort {
     /// Runs an engine on this port. If the transmitter is stuck, the port is closed and reopened, which discards waiting bytes.
     pub async fn serve(mut self, runner: Runner<'static>) -> ! {
         loop {
-            let Self { rx, tx, errors, format, number } = self;
+            let Self { rx, tx, errors, format, number, driver } = self;
             runner.run_until_stuck(rx, tx, errors).await;
             defmt::error!("transmitter stuck, reopening its port");
             // SAFETY: both halves were moved into the run, which is over and has dropped them: the driver is closed.
-            self = defmt::unwrap!(unsafe { open_at(number, format) });
+            self = defmt::unwrap!(unsafe { open_at(driver, number, format) });
         }
     }
 }
@@ -142,17 +146,18 @@ pub(super) use ecu_uarts;
 /// The ports that were opened, a bit each.
 static OPENED: AtomicU32 = AtomicU32::new(0);
 
-/// Opens a port by its number, once, and once the clocks run. The number behind those of [`PORTS`] is that of MAVLink. `None`: there is no such
-/// port, it was opened before, or more are open than the image has buffers for.
-pub fn open(port: usize, format: Format) -> Option<EcuPort> {
+/// Opens a port by its number for the first time, in the next place of the buffers. `None`: there is no such port, it was opened before, or more
+/// are open than the image has buffers for.
+pub fn open_once(driver: Driver, port: usize, format: Format) -> Option<EcuPort> {
     let opened = OPENED.load(Ordering::Relaxed);
+    let bit = 1_u32.checked_shl(u32::try_from(port).ok()?)?;
     let place = opened.count_ones() as usize;
-    if port > PORTS.len() || opened & 1 << port != 0 || place >= OPEN {
+    if opened & bit != 0 || place >= OPEN {
         return None;
     }
-    OPENED.store(opened | 1 << port, Ordering::Relaxed);
+    OPENED.store(opened | bit, Ordering::Relaxed);
     // SAFETY: each port is opened here once, in a place of its own.
-    unsafe { open_at((port, place), format) }
+    unsafe { open_at(driver, (port, place), format) }
 }
 
 /// Opens a port, in this place of the buffers: 8 data bits.
@@ -164,7 +169,7 @@ pub fn open(port: usize, format: Format) -> Option<EcuPort> {
 /// # Panics
 ///
 /// If the UART does not support this baud rate, or there are no such buffers.
-unsafe fn open_at(number: (usize, usize), format: Format) -> Option<EcuPort> {
+unsafe fn open_at(driver: Driver, number: (usize, usize), format: Format) -> Option<EcuPort> {
     let (port, place) = number;
     assert!(place < OPEN);
     // SAFETY: the place is one of the array, and the caller guarantees that no open port holds its buffers. Nothing else names them.
@@ -172,7 +177,7 @@ unsafe fn open_at(number: (usize, usize), format: Format) -> Option<EcuPort> {
     // SAFETY: the caller guarantees that the UART is not open.
     let (uart, errors) = unsafe { driver(port, &mut buffers.tx, &mut buffers.rx, format) }?;
     let (tx, rx) = defmt::unwrap!(uart).split();
-    Some(EcuPort { rx, tx, errors, format, number })
+    Some(EcuPort { rx, tx, errors, format, number, driver })
 }
 
 /// How a driver is configured. Inlined where it is used: what is the same for all formats is then known for each driver.

@@ -20,7 +20,7 @@ macro_rules! board {
         hold: [$($held:ident $level:ident,)*],
         watchdog: $watchdog:ident,
     ) => {
-        use super::port::{Opened, ecu_uarts};
+        use super::port::{EcuPort, Opened, ecu_uarts, open_once};
         use super::state::{Ready, ResetCause};
         use super::stm32::{Drive, Led, Watchdog};
         use super::first::{self, Step};
@@ -136,7 +136,7 @@ macro_rules! board {
         /// # Safety
         /// The port is not open.
         #[inline(never)]
-        pub unsafe fn driver(
+        unsafe fn driver(
             port: usize,
             tx_buffer: &'static mut [u8],
             rx_buffer: &'static mut [u8],
@@ -174,6 +174,12 @@ macro_rules! board {
                 super::fram::storage_in(device)
             }
         )?
+
+        /// Opens a port by its number, once, and once the clocks run. The number behind those of `PORTS` is that of MAVLink. `None`: there is
+        /// no such port, or it was opened before.
+        pub fn open(port: usize, format: Format) -> Option<EcuPort> {
+            open_once(driver, port, format)
+        }
 
         /// The board, ready for the firmware.
         pub type Board = Ready<Led, Watchdog>;

@@ -468,7 +468,7 @@ fn engines_that_change_ports_and_protocols_are_wired_so_after_a_restart_by_comma
         assert_eq!(client.answers(LEFT, 30 * SECOND), [(START, ACCEPTED)], "{texts}");
         assert_eq!(report.ecu::<ZkEcu>(fourth).turbine().phase(), Phase::Running, "{texts}");
         let amt = report.ecu::<AmtEcu>(first);
-        assert_eq!(amt.turbine().phase(), Phase::Stopped, "{texts}");
+        assert_eq!(amt.turbine().phase(), Phase::Standby, "{texts}");
         let last: Vec<_> = amt.commands.iter().filter(|(at, _)| *at > 40 * SECOND).collect();
         assert!(last.len() > 10 && last.iter().all(|(_, each)| each.ops != Ops::Run), "{texts}");
         assert!(client.state(LEFT, 41 * SECOND) == 7 && client.state(LEFT + 3, 41 * SECOND) == 3, "{texts}");
