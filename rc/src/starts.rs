@@ -28,7 +28,7 @@ pub enum Ended {
     Crashed(Duration),
     /// By the watchdog.
     Hung,
-    /// By something else: the supply, a button, a command.
+    /// By something else: the supply, the crystal, a button, a command.
     Otherwise,
 }
 

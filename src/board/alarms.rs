@@ -1,7 +1,7 @@
 //! Interrupts that end the firmware: a crystal that has stopped, a supply that is too low.
 
 #[cfg(any(feature = "stm32f4", not(feature = "ardupilot-bootloader")))]
-use super::crash::crash;
+use super::crash::leave;
 use super::early;
 
 /// The crystal has stopped: the clock security system has switched the core to the internal oscillator and raised this.
@@ -12,17 +12,17 @@ unsafe fn NonMaskableInt() -> ! {
     #[cfg(feature = "ardupilot-bootloader")]
     early::restart();
     #[cfg(not(feature = "ardupilot-bootloader"))]
-    crash(|| defmt::error!("the crystal has stopped, resetting"))
+    leave(|| defmt::error!("the crystal has stopped, resetting"))
 }
 
 /// The low-supply detector, which `stm32f4.rs` enables.
 #[cfg(feature = "stm32f4")]
 mod supply {
-    use super::crash;
+    use super::leave;
     use embassy_stm32::interrupt;
 
     #[interrupt]
     unsafe fn PVD() {
-        crash(|| defmt::error!("the supply is below 2.84 V, resetting"))
+        leave(|| defmt::error!("the supply is below 2.84 V, resetting"))
     }
 }

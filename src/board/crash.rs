@@ -37,13 +37,27 @@ unsafe fn DefaultHandler(interrupt: i16) {
     crash(|| defmt::error!("interrupt {=i16} has no handler, resetting", interrupt))
 }
 
-/// Logs and resets.
+/// Logs and resets, because the firmware has failed.
 pub fn crash(log: impl FnOnce()) -> ! {
     cortex_m::interrupt::disable();
     #[cfg(feature = "stm32")]
     if jetlink_fw::config::OUTPUTS.is_some() {
         super::starts::crash();
     }
+    reset(log)
+}
+
+/// Logs and resets, because of something that the firmware has no part in: this start has not failed.
+#[cfg(any(feature = "stm32f4", all(feature = "stm32", not(feature = "ardupilot-bootloader"))))]
+pub fn leave(log: impl FnOnce()) -> ! {
+    cortex_m::interrupt::disable();
+    if jetlink_fw::config::OUTPUTS.is_some() {
+        super::starts::leave();
+    }
+    reset(log)
+}
+
+fn reset(log: impl FnOnce()) -> ! {
     // A crash inside the logger would come back here through the logger's own panic: log only once.
     static LOGGED: AtomicBool = AtomicBool::new(false);
     if !LOGGED.swap(true, Ordering::Relaxed) {

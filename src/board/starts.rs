@@ -12,20 +12,24 @@ use jetlink_rc::starts::{Ended, FailedStarts};
 #[unsafe(link_section = ".retained.failed")]
 static FAILED: RetainedWord = RetainedWord::new();
 
-/// Time of the crash that ended the start before, in ms and one; 0: there was none.
+/// Time of the crash that ended the start before, in ms and one; 0: there was none. Or [`LEFT`].
 // SAFETY: as above.
 #[unsafe(link_section = ".retained.crashed")]
 static CRASHED: RetainedWord = RetainedWord::new();
 
+/// The firmware ended for something that it has no part in.
+const LEFT: u32 = u32::MAX;
+
 /// A start begins. Returns what failed before it. Call it once, before the clock runs.
 pub fn begin(cause: ResetCause) -> FailedStarts {
-    let crashed = CRASHED.get().and_then(|ms| ms.checked_sub(1));
+    let noted = CRASHED.get().unwrap_or(0);
     CRASHED.set(0);
-    let ended = match (crashed, cause) {
-        // Behind an ArduPilot bootloader a crash ends by the watchdog, too.
-        (Some(ms), _) => Ended::Crashed(Duration::from_millis(ms.into())),
-        (None, ResetCause::Watchdog | ResetCause::WindowWatchdog) => Ended::Hung,
-        (None, _) => Ended::Otherwise,
+    // Behind an ArduPilot bootloader all that is noted ends by the watchdog, too.
+    let ended = match (noted, cause) {
+        (LEFT, _) => Ended::Otherwise,
+        (1.., _) => Ended::Crashed(Duration::from_millis(u64::from(noted - 1))),
+        (0, ResetCause::Watchdog | ResetCause::WindowWatchdog) => Ended::Hung,
+        (0, _) => Ended::Otherwise,
     };
     let failed = FailedStarts::retained(FAILED.get()).after(ended);
     FAILED.set(failed.number());
@@ -45,5 +49,10 @@ pub fn has_lived(cut: impl IntoIterator<Item = bool>) {
 pub fn crash() {
     // Before the clock runs it says 0.
     let ms = u32::try_from(Instant::now().as_millis()).unwrap_or(u32::MAX);
-    CRASHED.set(ms.saturating_add(1));
+    CRASHED.set(ms.saturating_add(1).min(LEFT - 1));
+}
+
+/// The firmware ends, and has not failed: the supply or the crystal has. May be called from anywhere.
+pub fn leave() {
+    CRASHED.set(LEFT);
 }

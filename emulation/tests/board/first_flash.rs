@@ -286,7 +286,7 @@ fn crystal(board: &'static Board, note: &mut Note<'_>) {
 fn supply(board: &'static Board, note: &mut Note<'_>) {
     if board.part == Part::F427 {
         let report = with_adapter(board, Image::Release, SECOND)
-            .at(1500 * MILLIS, drop_supply)
+            .at(1500 * MILLIS, |bench| drop_supply(bench, Image::Release))
             .at(2 * SECOND, |bench| bench.supply(2900))
             .at(2500 * MILLIS, |bench| bench.supply(2960))
             .resets(1)

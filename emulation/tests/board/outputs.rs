@@ -1,10 +1,11 @@
 //! Fuel valves and the power of starters on their pins: start, standby, stop, and every kind of reset.
 
 use crate::mavlink;
+use crate::supply::drop_supply;
 use crate::support::{Task, crash, hijack_if_spawned, on_each_board, symbol};
 use emulation::pins::{Level, Pin};
 use emulation::receiver::{Position, Protocol, Receiver};
-use emulation::{Bench, Board, Image, Report, Run, engines};
+use emulation::{Bench, Board, Image, PIXRACER, Report, Run, engines};
 use sim::amt::AmtEcu;
 use sim::ecu::{MILLIS, Nanos, SECOND};
 use sim::turbine::{Parameters, Phase};
@@ -325,6 +326,30 @@ fn valve_of_a_firmware_that_fails_at_each_start_is_closed_after_ten_seconds_of_i
         // Run is ordered all the time.
         assert_eq!(phases(&report), [Phase::Running; 2]);
     });
+}
+
+/// The voltage detector resets within a second of each start, for more than 10 s: the firmware has not failed, and the engine keeps its
+/// fuel.
+#[test]
+fn supply_that_chatters_closes_no_valve() {
+    const EVERY: Nanos = 700 * MILLIS;
+    const FIRST: Nanos = 27 * SECOND;
+    const TIMES: u64 = 18;
+    let mut run = flying(&PIXRACER);
+    for at in (0..TIMES).map(|n| FIRST + n * EVERY) {
+        run = run.at(at, |bench| drop_supply(bench, Image::Outputs));
+        run = run.at(at + 50 * MILLIS, |bench| bench.supply(3300));
+    }
+    let report = run.resets(TIMES as usize).with_errors().until(FIRST + TIMES * EVERY + 2 * SECOND).go();
+    let resets: Vec<Nanos> = report.resets.iter().map(|reset| reset.0).collect();
+    let ends = resets[1..].iter().copied().chain([report.at]);
+    for (reset, end) in resets.iter().zip(ends) {
+        for output in VALVES.into_iter().chain([POWER]) {
+            let driven = driven_after(&report, output, *reset, output.on);
+            stays(&report, output, output.on, driven..end);
+        }
+    }
+    assert_eq!(phases(&report), [Phase::Running; 2]);
 }
 
 /// Thread mode, which takes stops, hangs within 0.3 s of each start, and the tasks in interrupts work on: the watchdog bites a

@@ -20,21 +20,21 @@ fn a_start_waits_for_a_supply_that_the_flash_can_work_with() {
 }
 
 /// The supply falls to 2.8 V, and when the engines' task runs next, the detector's interrupt comes.
-pub fn drop_supply(bench: &mut Bench<'_>) {
+pub fn drop_supply(bench: &mut Bench<'_>, image: Image) {
     bench.supply(2800);
     // movw r0, #0xE200; movt r0, #0xE000; mov.w r1, #2; str r1, [r0]; bx lr: interrupt 1 in NVIC_ISPR.
     let code = PIXRACER.ram.start + 0x18000;
     for (i, word) in [0x2000_F24E, 0x0000_F2CE, 0x0102_F04F, 0x4770_6001].into_iter().enumerate() {
         bench.set_word(code + 4 * i as u64, word);
     }
-    hijack(bench, &PIXRACER, Image::Release, Task::Engine, code);
+    hijack(bench, &PIXRACER, image, Task::Engine, code);
 }
 
 #[test]
 fn a_supply_that_falls_resets_and_the_next_start_waits() {
     let report = Run::new(&PIXRACER, Image::Release)
         .engines()
-        .at(1500 * MILLIS, drop_supply)
+        .at(1500 * MILLIS, |bench| drop_supply(bench, Image::Release))
         .at(2 * SECOND, |bench| bench.supply(3300))
         .resets(1)
         .with_errors()
