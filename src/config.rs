@@ -7,6 +7,8 @@ use jetlink::config::{EngineConfig, check, check_port_is_free};
 use jetlink::ecu::amt::codec::EngineModel;
 use jetlink::ecu::zk::codec::Rate;
 use jetlink::line::Line;
+#[cfg(target_os = "none")]
+use jetlink_mavlink::settings::{EngineSettings as MavlinkSettings, NodeSettings, check as check_mavlink};
 use jetlink_rc::config::RadioConfig;
 use jetlink_rc::wiring::{OutputConfig, OutputPin, check_free, check_outputs};
 
@@ -49,6 +51,14 @@ const fn ports() -> usize {
 
 /// Line of the telemetry port, which carries MAVLink.
 pub const TELEMETRY: Line = Line::new(57_600);
+
+/// MAVLink settings of the node: defaults of its parameters that begin with `MAV_` (`docs/mavlink.md`). The baud rate is that of [`TELEMETRY`].
+#[cfg(target_os = "none")]
+pub const MAVLINK: NodeSettings = NodeSettings::DEFAULT;
+
+/// MAVLink settings of each engine, in the order of [`ENGINES`], for example another output of the autopilot for each.
+#[cfg(target_os = "none")]
+pub const MAVLINK_ENGINES: [MavlinkSettings; ENGINES.len()] = [MavlinkSettings::DEFAULT; ENGINES.len()];
 
 /// Receiver of radio control, on an ECU port without an engine, and what its channels do for each engine, in the order of
 /// [`ENGINES`]: see `docs/rc.md`. For example `Some(RadioConfig::sbus(5, [EngineSettings::DEFAULT; ENGINES.len()]))`.
@@ -133,6 +143,8 @@ pub const BUZZER: Option<OutputPin> = if outputs_of_board() as usize > 2 * ENGIN
 };
 
 const _: () = check(&ENGINES);
+#[cfg(target_os = "none")]
+const _: () = check_mavlink(&MAVLINK, &MAVLINK_ENGINES);
 const _: () = if let Some(outputs) = OUTPUTS {
     check_outputs(&outputs);
     if let Some(buzzer) = BUZZER {

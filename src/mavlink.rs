@@ -6,7 +6,7 @@
 )]
 
 use crate::attached::{self, ANY, Choice, Chosen, With};
-use crate::board::settings::SETTINGS;
+use crate::board::settings::{BYTES, SETTINGS};
 use crate::board::{self, EcuPort, Storage};
 use crate::radio::Radio;
 use crate::wiring;
@@ -18,12 +18,12 @@ use jetlink::line::Line;
 use jetlink::node::Node;
 use jetlink::units::BaudRate;
 use jetlink::wiring::Contradiction;
-use jetlink_fw::config::{ENGINES, TELEMETRY};
+use jetlink_fw::config::{ENGINES, MAVLINK, MAVLINK_ENGINES, TELEMETRY};
 use jetlink_mavlink::port::PortConfig;
 #[cfg(feature = "usb")]
 use jetlink_mavlink::record::read_signing;
 use jetlink_mavlink::record::{apply_to_engine, apply_to_node, engine_of_attached};
-use jetlink_mavlink::retained_settings::fingerprint;
+use jetlink_mavlink::retained_settings::{Defaults, fingerprint};
 use jetlink_mavlink::service::{EngineParts, Keeping, Request, Service};
 use jetlink_mavlink::settings::{EngineSettings, Identity, NodeSettings};
 use jetlink_mavlink::signing::SigningState;
@@ -32,6 +32,16 @@ use static_cell::StaticCell;
 
 /// Number of engines of this node.
 const N: usize = ENGINES.len();
+
+/// Settings of the node of this image, with the baud rate of its telemetry port.
+const NODE: NodeSettings = NodeSettings {
+    identity: Identity { telemetry_baud: BaudRate::up_to(TELEMETRY.baud), ..MAVLINK.identity },
+    ..MAVLINK
+};
+
+/// Settings of this image.
+static DEFAULTS: Defaults<'static> =
+    Defaults { node: &NODE, engines: &ENGINES, own: &MAVLINK_ENGINES, wiring: &wiring::IMAGE, room: BYTES };
 
 /// Ports of the service: the telemetry port, and USB with its feature.
 const PORTS: usize = 1 + cfg!(feature = "usb") as usize;
@@ -86,15 +96,9 @@ impl Settings {
     #[inline(never)]
     pub fn new() -> Self {
         Self {
-            node: NodeSettings {
-                identity: Identity {
-                    telemetry_baud: BaudRate::up_to(TELEMETRY.baud),
-                    ..NodeSettings::DEFAULT.identity
-                },
-                ..NodeSettings::DEFAULT
-            },
+            node: NODE,
             engines: ENGINES,
-            own: [EngineSettings::DEFAULT; N],
+            own: MAVLINK_ENGINES,
             wiring: wiring::IMAGE,
             in_flight: wiring::in_flight(),
             contradiction: None,
@@ -156,8 +160,8 @@ pub fn load(settings: &mut Settings) {
     if found == Found::Damaged || !stores {
         *settings = Settings::new();
         settings.wire();
-        settings.retained = SETTINGS
-            .load(fingerprint(&ENGINES, &wiring::IMAGE), &mut |key, record| settings.apply(key, record));
+        settings.retained =
+            SETTINGS.load(fingerprint(&DEFAULTS), &mut |key, record| settings.apply(key, record));
     }
     match (found, settings.retained) {
         (Found::Whole, _) => defmt::info!("settings: loaded from storage"),
@@ -216,6 +220,7 @@ pub fn build(node: &'static Node<N>, settings: &mut Settings, radio: Option<&'st
         let attached = With::<ANY>::attach(radio, attached);
         let mut service = Service::with(now, *of_node, signing, engines, ports, attached);
         service.set_keeping(if store.is_some() { Keeping::Stored } else { Keeping::Lost });
+        service.set_room(&DEFAULTS);
         service.set_damaged(found == Found::Damaged);
         service.set_wiring(wiring, const { &wiring::IMAGE }, *contradiction);
         if retained && found == Found::Damaged {
@@ -257,12 +262,14 @@ pub async fn serve(mavlink: Mavlink, port: EcuPort) {
     let mut retain_at = embassy_time::Instant::MIN;
     // Number of settings that were set when those in RAM were stored last, and the id that was learnt.
     let mut retained = None;
-    let fingerprint = fingerprint(&ENGINES, &wiring::IMAGE);
+    let fingerprint = fingerprint(&DEFAULTS);
     let time = runner.keep_time(|_now, service| {
         let set = Some((service.counters().parameters_set, service.settings().identity.learnt));
         if !service.is_damaged() && retained != set {
             retained = set;
-            SETTINGS.store(fingerprint, service.changes(&ENGINES));
+            if !SETTINGS.store(fingerprint, service.changes(&DEFAULTS)) {
+                defmt::warn!("settings: RAM has no space to retain all changes over a reset");
+            }
         }
         #[cfg(feature = "usb")]
         if _now >= retain_at {

@@ -113,12 +113,17 @@ fn read(kind: u8, record: &[u8], table: Table<'_>) -> impl Iterator<Item = (&'st
     })
 }
 
-/// The record of the node; of `changes`, what differs from its defaults. Of the wiring of engines always what differs from that of the image:
-/// where nobody has set it, another image has its own.
-pub(crate) fn of_node(settings: &NodeSettings, changes: bool, wiring: &[Wiring], image: &[Wiring]) -> Record {
+/// The record of the node; with a default, what differs from it. Of the wiring of engines always what differs from that of the image: where nobody
+/// has set it, another image has its own.
+pub(crate) fn of_node(
+    settings: &NodeSettings,
+    default: Option<&NodeSettings>,
+    wiring: &[Wiring],
+    image: &[Wiring],
+) -> Record {
     let mut record = write(NODE, Table::Node, &|name| {
         let value = settings.number(name);
-        value.filter(|_| !changes || NodeSettings::DEFAULT.number(name) != value)
+        value.filter(|_| default.is_none_or(|default| default.number(name) != value))
     });
     for (engine, (wiring, image)) in wiring.iter().zip(image).enumerate() {
         if wiring != image {
@@ -128,18 +133,18 @@ pub(crate) fn of_node(settings: &NodeSettings, changes: bool, wiring: &[Wiring],
     record
 }
 
-/// The record of an engine; with a default, what differs from it and from the defaults of MAVLink.
+/// The record of an engine; with a default, what differs from it.
 pub(crate) fn of_engine(
     config: &EngineConfig,
     settings: &EngineSettings,
-    default: Option<&EngineConfig>,
+    default: Option<(&EngineConfig, &EngineSettings)>,
 ) -> Record {
     write(kind(config), Table::Engine(config), &|name| {
         let of = |config: &EngineConfig, own: &EngineSettings| {
             config.parameter(name).or_else(|| own.own::<false>(name))
         };
         let value = of(config, settings);
-        value.filter(|_| default.is_none_or(|default| of(default, &EngineSettings::DEFAULT) != value))
+        value.filter(|_| default.is_none_or(|(config, own)| of(config, own) != value))
     })
 }
 

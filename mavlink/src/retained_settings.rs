@@ -11,14 +11,43 @@ use jetlink::wiring::Wiring;
 /// The checksum is in front.
 const HEAD: usize = 4;
 
-/// What the settings of an image are without a change, as a number: in another image the changes are other ones.
+/// What the settings of an image are without a change.
+#[derive(Clone, Copy, Debug)]
+pub struct Defaults<'a> {
+    /// Of the node.
+    pub node: &'a NodeSettings,
+    /// Of the engines.
+    pub engines: &'a [EngineConfig],
+    /// Of their MAVLink; [`EngineSettings::DEFAULT`] where there are none.
+    pub own: &'a [EngineSettings],
+    /// Wiring of the engines.
+    pub wiring: &'a [Wiring],
+    /// Bytes of the memory that retains what differs.
+    pub room: usize,
+}
+
+impl<'a> Defaults<'a> {
+    /// Those of an engine.
+    pub(crate) fn of_engine(&self, engine: usize) -> Option<(&'a EngineConfig, &'a EngineSettings)> {
+        Some((self.engines.get(engine)?, self.own.get(engine).unwrap_or(&EngineSettings::DEFAULT)))
+    }
+}
+
+/// These defaults as a number: in another image the changes are other ones.
 #[inline(never)]
-pub fn fingerprint(engines: &[EngineConfig], wiring: &[Wiring]) -> u32 {
-    let node = Checksum::new().bytes(&of_node(&NodeSettings::DEFAULT, false, &[], &[]));
-    let engines = engines
-        .iter()
-        .fold(node, |sum, engine| sum.bytes(&of_engine(engine, &EngineSettings::DEFAULT, None)));
-    wiring.iter().fold(engines, |sum, wiring| sum.words(&[wiring.packed()])).value()
+pub fn fingerprint(defaults: &Defaults<'_>) -> u32 {
+    let node = Checksum::new().bytes(&of_node(defaults.node, None, &[], &[]));
+    let engines = (0..)
+        .map_while(|engine| defaults.of_engine(engine))
+        .fold(node, |sum, (config, own)| sum.bytes(&of_engine(config, own, None)));
+    defaults.wiring.iter().fold(engines, |sum, wiring| sum.words(&[wiring.packed()])).value()
+}
+
+/// Whether these records fit a memory of so many bytes.
+pub(crate) fn fit(records: impl Iterator<Item = (u8, Record)>, bytes: usize) -> bool {
+    // The first byte of a record is the kind.
+    let lengths = records.map(|(_, record)| record.len()).filter(|length| *length >= 2);
+    lengths.fold(HEAD, |sum, length| sum.saturating_add(2 + length)) <= bytes
 }
 
 /// The memory: checksum, then each record behind its key and its length. Every content is valid, so that start-up need not initialise it;
@@ -41,8 +70,9 @@ impl<const BYTES: usize> SettingsMemory<BYTES> {
         Self { bytes: [const { AtomicU8::new(0) }; BYTES] }
     }
 
-    /// Stores these records, and no others. A reset meanwhile leaves none: a mixture of two has no right checksum.
-    pub fn store(&self, fingerprint: u32, records: impl Iterator<Item = (u8, Record)>) {
+    /// Stores these records, and no others. A reset meanwhile leaves none: a mixture of two has no right checksum. False: they do not fit, and
+    /// none are stored ([`crate::service::Service::set_room`]).
+    pub fn store(&self, fingerprint: u32, records: impl Iterator<Item = (u8, Record)>) -> bool {
         let mut content = Vec::<u8, BYTES>::new();
         let mut fits = content.extend_from_slice(&[0; HEAD]).is_ok();
         for (key, record) in records {
@@ -60,6 +90,7 @@ impl<const BYTES: usize> SettingsMemory<BYTES> {
         for _ in 0..2 {
             self.bytes.iter().zip(&content).for_each(|(slot, byte)| slot.store(*byte, Ordering::SeqCst));
         }
+        fits
     }
 
     fn content(&self) -> [u8; BYTES] {
@@ -110,16 +141,23 @@ mod tests {
         (node, config, EngineSettings { output, reversed: true, ..EngineSettings::DEFAULT })
     }
 
-    fn store<const BYTES: usize>(memory: &SettingsMemory<BYTES>, output: u8) {
-        let (node, config, own) = changed(output);
+    const fn defaults(engines: &[EngineConfig]) -> Defaults<'_> {
+        Defaults { node: &NodeSettings::DEFAULT, engines, own: &[], wiring: &[], room: 64 }
+    }
+
+    fn store<const BYTES: usize>(memory: &SettingsMemory<BYTES>, output: u8) -> bool {
+        let own = &EngineSettings::DEFAULT;
+        let (node, config, settings) = changed(output);
         let records = [
-            (0, of_node(&node, true, &[], &[])),
-            (1, of_engine(&ENGINES[0], &EngineSettings::DEFAULT, Some(&ENGINES[0]))),
-            (2, of_engine(&config, &own, Some(&ENGINES[1]))),
+            (0, of_node(&node, Some(&NodeSettings::DEFAULT), &[], &[])),
+            (1, of_engine(&ENGINES[0], own, Some((&ENGINES[0], own)))),
+            (2, of_engine(&config, &settings, Some((&ENGINES[1], own)))),
         ];
         // Nothing but what differs, behind the kind.
         assert_eq!(records.each_ref().map(|(_, record)| record.len()), [1 + 2 * 6, 1, 1 + 3 * 6]);
-        memory.store(fingerprint(&ENGINES, &[]), records.into_iter());
+        let fits = fit(records.clone().into_iter(), BYTES);
+        assert_eq!(memory.store(fingerprint(&defaults(&ENGINES)), records.into_iter()), fits);
+        fits
     }
 
     /// The settings that a node starts with that has this memory; `None`: it has none.
@@ -133,7 +171,7 @@ mod tests {
             2 => apply_to_engine(&mut config, &mut own, record),
             _ => panic!("the first engine has no changes"),
         };
-        memory.load(fingerprint(engines, &[]), &mut each).then_some((node, config, own))
+        memory.load(fingerprint(&defaults(engines)), &mut each).then_some((node, config, own))
     }
 
     #[test]
@@ -153,13 +191,12 @@ mod tests {
     fn changes_that_do_not_fit_are_none_and_leave_none() {
         // The records of the node and of an engine have a key and a length each: 15 and 21 bytes.
         let (just, less) = (SettingsMemory::<{ HEAD + 36 }>::new(), SettingsMemory::<{ HEAD + 35 }>::new());
-        store(&just, 9);
-        store(&less, 9);
+        assert!(store(&just, 9) && !store(&less, 9));
         assert_eq!((found(&just, &ENGINES), found(&less, &ENGINES)), (Some(changed(9)), None));
         let memory = SettingsMemory::<64>::new();
         store(&memory, 9);
         let whole = of_engine(&ENGINES[0], &EngineSettings::DEFAULT, None);
-        memory.store(fingerprint(&ENGINES, &[]), [(1, whole)].into_iter());
+        assert!(!memory.store(fingerprint(&defaults(&ENGINES)), [(1, whole)].into_iter()));
         assert_eq!(found(&memory, &ENGINES), None, "the earlier ones no longer apply");
     }
 

@@ -160,6 +160,18 @@ impl NodeSettings {
     }
 }
 
-const _: () =
-    assert!(NodeSettings::DEFAULT.check_own().is_ok() && EngineSettings::DEFAULT.check_own().is_ok());
-const _: () = assert!(Identity::DEFAULT.check_own().is_ok());
+/// Checks settings while they are compiled.
+pub const fn check(node: &NodeSettings, engines: &[EngineSettings]) {
+    assert!(
+        node.identity.check_own().is_ok() && node.check_own().is_ok(),
+        "a setting of the node is out of its range"
+    );
+    let mut i = 0;
+    while i < engines.len() {
+        assert!(engines[i].check_own().is_ok(), "a setting of an engine is out of its range");
+        assert!(engines[i].low < engines[i].high, "MAV_THR_MIN has to be below MAV_THR_MAX");
+        i += 1;
+    }
+}
+
+const _: () = check(&NodeSettings::DEFAULT, &[EngineSettings::DEFAULT]);

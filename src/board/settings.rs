@@ -3,7 +3,7 @@
 use jetlink_mavlink::retained_settings::SettingsMemory;
 
 /// Space for about as many changes as a sixth of this.
-const BYTES: usize = 248;
+pub const BYTES: usize = 248;
 
 // SAFETY: the linker puts this section into RAM that start-up does not touch. Every bit pattern is a valid `SettingsMemory` (it is atomics
 // throughout), and its content is only used with a right checksum.

@@ -7,10 +7,10 @@ use crate::ids::Severity;
 use crate::kind::Kind;
 use crate::record::{self, Record};
 use crate::refusal::Refusal;
+use crate::retained_settings::{Defaults, fit};
 use crate::settings::{LEARNT, Name, Parameter, Table, find_row};
 use crate::store::NotSaved;
 use embassy_time::Instant;
-use jetlink::config::EngineConfig;
 use jetlink::setting::Effect;
 use jetlink::wiring::{Contradiction, Wiring};
 
@@ -168,9 +168,21 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         1 + self.engines.len() * (1 + usize::from(!self.attached.rows().is_empty()))
     }
 
-    /// All settings that differ from these of the engines and the defaults, as records, and all of what is attached.
-    pub fn changes(&self, engines: &[EngineConfig]) -> impl Iterator<Item = (u8, Record)> {
-        (0..self.places_of_settings()).filter_map(|place| self.record_of(place, Some(engines)))
+    /// All settings that differ from these, as records, and all of what is attached.
+    pub fn changes(&self, defaults: &Defaults<'_>) -> impl Iterator<Item = (u8, Record)> {
+        (0..self.places_of_settings()).filter_map(move |place| self.record_of(place, Some(defaults)))
+    }
+
+    /// Sets the defaults of the image, and with them how much RAM that survives a reset there is for what differs. A change that does not fit is refused
+    /// where nothing is stored; elsewhere it is accepted with a text.
+    pub const fn set_room(&mut self, defaults: &'static Defaults<'static>) {
+        self.room = Some(defaults);
+    }
+
+    /// Whether RAM that survives a reset has space for the current settings.
+    #[inline(never)]
+    fn fits(&self) -> bool {
+        self.room.is_none_or(|defaults| fit(self.changes(defaults), defaults.room))
     }
 
     /// The record in a place, with its key, as it should be stored.
@@ -178,15 +190,15 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         self.record_of(place, None)
     }
 
-    /// The same; with defaults of the engines, what differs.
+    /// The same; with defaults, what differs.
     #[inline(never)]
-    fn record_of(&self, place: usize, defaults: Option<&[EngineConfig]>) -> Option<(u8, Record)> {
+    fn record_of(&self, place: usize, defaults: Option<&Defaults<'_>>) -> Option<(u8, Record)> {
         let Some(engine) = place.checked_sub(1) else {
-            let changes = defaults.is_some();
-            return Some((0, record::of_node(&self.settings, changes, &self.wiring, self.image)));
+            let default = defaults.map(|defaults| defaults.node);
+            return Some((0, record::of_node(&self.settings, default, &self.wiring, self.image)));
         };
         if let Some(of) = self.engines.get(engine) {
-            let default = defaults.and_then(|defaults| defaults.get(engine));
+            let default = defaults.and_then(|defaults| defaults.of_engine(engine));
             return Some((u8::try_from(place).ok()?, record::of_engine(&of.config, &of.settings, default)));
         }
         #[cfg(feature = "signing")]
@@ -254,6 +266,10 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
                 self.counters.parameters_set = self.counters.parameters_set.wrapping_add(1);
                 if self.keeping == Keeping::Lost {
                     let what = format_args!("{name} is not stored: it is lost with the power");
+                    self.say(now, place, Severity::Warning, Some(port), what);
+                } else if !self.fits() {
+                    let what =
+                        format_args!("{name} is stored, but RAM has no space to retain it over a reset");
                     self.say(now, place, Severity::Warning, Some(port), what);
                 } else {
                     let when = match parameter.row.effect {
@@ -334,10 +350,33 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             return;
         };
         let old = self.value(place, parameter).unwrap_or_default();
+        // Where it does not fit anyway, this change is not the reason.
+        let fitted = self.keeping == Keeping::Lost && self.fits();
         let result = match self.check(port, from.system, Kind::Acts) {
-            Ok(()) if self.pending.is_full() => Err(Refusal::StoreBusy),
-            Ok(()) => self.set(place, parameter, value),
-            Err(why) => Err(why),
+            // A person at the board sets who may command: otherwise nobody could.
+            Err(why)
+                if !(matches!(why, Refusal::NotAllowed(_))
+                    && may_shut_out(parameter)
+                    && self.is_usb(port)) =>
+            {
+                Err(why)
+            }
+            _ if self.pending.is_full() => Err(Refusal::StoreBusy),
+            _ => self.set(place, parameter, value),
+        };
+        let why = if place == Place::Node && !self.may_command(from.system) && !self.is_usb(port) {
+            Some(Refusal::ShutsOut)
+        } else if fitted && !self.fits() {
+            Some(Refusal::RamFull)
+        } else {
+            None
+        };
+        let result = match (result, why) {
+            (Ok(()), Some(why)) => {
+                self.restore(place, parameter, old);
+                Err(why)
+            }
+            (result, _) => result,
         };
         self.keep(now, port, place, index, old, result);
     }
@@ -384,4 +423,9 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             self.settled(now, port, place, index, result);
         }
     }
+}
+
+/// Whether a setting decides who may command.
+fn may_shut_out(parameter: Parameter) -> bool {
+    matches!(parameter.row.name, "MAV_GCS_1" | "MAV_GCS_2" | "MAV_OWN_CMD")
 }

@@ -24,6 +24,7 @@ use crate::port::{Class, Port, PortConfig, PortCounters};
 use crate::refusal::Refusal;
 use crate::report::Fleet;
 use crate::request::RateRequest;
+use crate::retained_settings::Defaults;
 use crate::sent::{Payload, Sent};
 use crate::servo::FrameClock;
 use crate::settings::{EngineSettings, NodeSettings};
@@ -118,6 +119,8 @@ pub struct Service<'a, const N: usize, const P: usize, A: Attached = Nothing> {
     signing_sent: u8,
     reboot: bool,
     keeping: Keeping,
+    /// Defaults of the image, with the RAM for what differs from them.
+    room: Option<&'static Defaults<'static>>,
     /// The stored settings are damaged, and nobody has confirmed the present ones.
     damaged: bool,
     /// Heartbeats until a text says again what is wrong with the settings.
@@ -230,6 +233,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             signing_sent: 0,
             reboot: false,
             keeping: Keeping::ByBuilder,
+            room: None,
             damaged: false,
             until_text: 0,
             are_retained: false,

@@ -2,12 +2,18 @@
 
 use super::world::*;
 use crate::dialect::*;
+use crate::port::PortConfig;
+use crate::retained_settings::Defaults;
+use crate::service::Keeping;
 use crate::service::parameters::{engine_parameters, node_parameters};
 use crate::settings::EngineSettings;
+use crate::settings::NodeSettings;
+use crate::signing::SigningState;
 use jetlink::config::EngineConfig;
 use jetlink::ecu::zk::codec::Rate;
 use jetlink::engine::state::EngineState;
 use jetlink::line::Line;
+use std::boxed::Box;
 use std::collections::BTreeMap;
 use std::string::{String, ToString};
 use std::vec::Vec;
@@ -207,4 +213,50 @@ fn what_moves_an_engine_is_refused_while_one_turns() {
         assert_eq!(world.set(ENGINE[1], "LOSS_HOLD", 2000.0).await.0, Some(2000.0));
         assert_eq!(world.telemetry(1).state, EngineState::Running);
     });
+}
+
+/// A board that stores nothing has RAM for a limited number of changes. One more is refused; another value of an earlier one is not.
+#[test]
+fn a_change_that_ram_cannot_retain_is_refused_where_nothing_is_stored() {
+    const NONE: Defaults<'static> =
+        Defaults { node: &NodeSettings::DEFAULT, engines: &[], own: &[], wiring: &[], room: 0 };
+    run(async |world| {
+        world.ready().await;
+        let keep = |keeping| {
+            let mut service = world.service.borrow_mut();
+            service.set_keeping(keeping);
+            // For what there is, and one change of the node beside the id that was learnt.
+            let now: usize = service.changes(&NONE).map(|(_, record)| 2 + record.len()).sum();
+            service.set_room(Box::leak(Box::new(Defaults { room: 4 + now + 6, ..NONE })));
+        };
+        keep(Keeping::Lost);
+        assert_eq!(world.set(NODE, "MAV_GCS_2", 9.0).await.0, Some(9.0));
+        let (echo, text) = world.set(NODE, "MAV_EFI_EVERY", 500.0).await;
+        assert!(echo == Some(250.0) && text.contains("RAM retains no more changes"), "{text}");
+        assert_eq!(world.set(NODE, "MAV_GCS_2", 10.0).await.0, Some(10.0));
+        // Where it is stored it is accepted, and a text says what a reset would lose.
+        keep(Keeping::ByBuilder);
+        assert_eq!(world.set(NODE, "MAV_EFI_EVERY", 500.0).await.0, Some(500.0));
+        let (echo, text) = world.set(NODE, "MAV_EFI_ENGINE", 2.0).await;
+        assert!(echo == Some(2.0) && text.contains("RAM has no space to retain it"), "{text}");
+    });
+}
+
+/// Neither own components nor a ground station may set what shuts them out: nobody could set it back. Over USB a person at the board may.
+#[test]
+fn who_may_command_cannot_be_set_so_that_its_sender_may_not() {
+    for usb in [false, true] {
+        let ground = if usb { PortConfig::usb() } else { PortConfig::network() };
+        run_signed(NodeSettings::DEFAULT, SigningState::NONE, ground, async |world| {
+            world.ready().await;
+            assert_eq!(world.set(NODE, "MAV_OWN_CMD", 0.0).await.0, Some(0.0), "the ground station may");
+            let (echo, text) = world.set(NODE, "MAV_GCS_1", 254.0).await;
+            assert_eq!(echo, Some(if usb { 254.0 } else { 255.0 }), "{text}");
+            assert_eq!(text.contains("set it over USB"), !usb, "{text}");
+            // Over USB it is set back. The control: with another one set, the first may go.
+            assert_eq!(world.set(NODE, "MAV_GCS_1", 255.0).await.0, Some(255.0));
+            assert_eq!(world.set(NODE, "MAV_GCS_2", 255.0).await.0, Some(255.0));
+            assert_eq!(world.set(NODE, "MAV_GCS_1", 0.0).await.0, Some(0.0));
+        });
+    }
 }

@@ -541,7 +541,7 @@ fn settings_go_into_a_record_and_come_back() {
     let mut node = NodeSettings::DEFAULT;
     assert!(node.set("MAV_GCS_2", 77));
     let mut found = NodeSettings::DEFAULT;
-    record::apply_to_node(&mut found, &mut [], &record::of_node(&node, false, &[], &[]));
+    record::apply_to_node(&mut found, &mut [], &record::of_node(&node, None, &[], &[]));
     assert_eq!(found, node);
 }
 

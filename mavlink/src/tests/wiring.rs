@@ -151,11 +151,11 @@ fn a_record_of_the_node_has_the_wiring_that_differs_from_the_image_and_no_other(
     let mut node = NodeSettings::DEFAULT;
     assert!(node.set("MAV_GCS_2", 77));
     let mut wiring = IMAGE;
-    let empty = record::of_node(&node, false, &wiring, &IMAGE);
+    let empty = record::of_node(&node, None, &wiring, &IMAGE);
     assert_eq!(read(&empty), (node, IMAGE));
     for (name, number) in [("E1_PORT", 7), ("E1_BAUD", 115_200), ("E1_ZK_RATE", 100), ("E1_AMT_ENGINE", 7)] {
         assert!(wiring[1].change(name, number), "{name}");
-        let stored = record::of_node(&node, false, &wiring, &IMAGE);
+        let stored = record::of_node(&node, None, &wiring, &IMAGE);
         assert_eq!(stored.len(), empty.len() + 6, "one number has all of it");
         assert_eq!(read(&stored), (node, wiring), "{name}");
         // Where it is as in the image, another image has its own.
@@ -166,12 +166,12 @@ fn a_record_of_the_node_has_the_wiring_that_differs_from_the_image_and_no_other(
         let mut damaged = stored.clone();
         damaged.iter_mut().rev().take(4).for_each(|byte| *byte = 0xFF);
         assert_eq!(read(&damaged), (node, IMAGE));
-        let all = record::of_node(&node, true, &wiring, &IMAGE);
+        let all = record::of_node(&node, Some(&NodeSettings::DEFAULT), &wiring, &IMAGE);
         assert_eq!(read(&all), (node, wiring), "in RAM, too");
     }
     // With eight engines there is space for all.
     let changed = [wiring[1]; 8];
-    let all = record::of_node(&node, false, &changed, &[IMAGE[0]; 8]);
+    let all = record::of_node(&node, None, &changed, &[IMAGE[0]; 8]);
     assert_eq!(all.len(), empty.len() + 8 * 6);
     let hashes: BTreeSet<u16> = (0..8)
         .map(record::hash_of_wiring)
