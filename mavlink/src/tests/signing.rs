@@ -381,7 +381,7 @@ fn no_key_is_set_while_an_engine_is_not_seen_at_rest() {
         world.pass(3.0).await;
         world.key_is_everywhere.set(false);
         let (has, texts) = set_up(world, TO_GROUND, &bytes(SETUP)).await;
-        assert!(!has && texts.contains("all engines have to be se"), "{texts}");
+        assert!(!has && texts.contains("all engines must be repor"), "{texts}");
         world.left.cut(false);
         world.pass(5.0).await;
         assert!(set_up(world, TO_GROUND, &bytes(SETUP)).await.0);

@@ -80,7 +80,7 @@ fn wiring_is_set_counts_from_the_next_start_on_and_changes_nothing_before() {
         ] {
             let (echo, text) = world.set(NODE, name, value).await;
             assert_eq!(echo, Some(value), "{name}: {text}");
-            assert!(text.contains(&std::format!("{name} counts from the node's next start on")), "{text}");
+            assert!(text.contains(&std::format!("{name} takes effect at the node's next start")), "{text}");
         }
         let service = world.service.borrow();
         let wiring: Vec<_> = service.wiring().to_vec();
