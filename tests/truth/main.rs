@@ -215,7 +215,7 @@ fn the_truth_is_as_it_should_be_in_random_worlds() {
 
 #[test]
 fn the_truth_is_as_it_should_be_in_random_worlds_with_mavlink() {
-    let (tally, text) = play(vehicle::SEEDS.start, 6 * 3600, 2, 1);
+    let (tally, text) = play(vehicle::SEEDS.start, 12 * 3600, 2, 1);
     tally.print();
     if let Some(text) = text {
         panic!("{text}");
