@@ -100,7 +100,7 @@ pub(crate) const STM32H743VI: Chip = Chip {
     // Bank 1. Settings are in the last two sectors of bank 2: while that is written or erased, bank 1 is read on.
     code_kib: 1024,
     ram: Region { start: 0x2400_0000, kib: 504 },
-    retained: Region { start: 0x2407_E000, kib: 1 },
+    retained: Region { start: 0x2407_E000, kib: 2 },
 };
 
 /// The same in a package of 144 pins.
@@ -120,7 +120,7 @@ pub(crate) const STM32F427VI: Chip = Chip {
     flash: Region { start: 0x0800_0000, kib: 2048 },
     code_kib: 2048,
     ram: Region { start: 0x2000_0000, kib: 184 },
-    retained: Region { start: 0x2002_E000, kib: 1 },
+    retained: Region { start: 0x2002_E000, kib: 2 },
 };
 
 /// What clocks a board.

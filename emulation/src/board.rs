@@ -182,7 +182,7 @@ pub struct Board {
     pub behind_bootloader: Option<u64>,
     /// The RAM that the firmware uses.
     pub ram: Range<u64>,
-    /// The RAM above it, of which 1 KiB is retained over a reset.
+    /// The RAM above it, of which 2 KiB are retained over a reset.
     pub above: Range<u64>,
     /// Registers of GPIO port A; 0x400 for each further one.
     pub gpio: u64,
