@@ -169,7 +169,7 @@ struct Place {
 impl Place {
     fn of(args: &Args, order: &Order) -> Self {
         let files = wanted(args, order);
-        let to_stdout = files.iter().any(|file| output::is_stdout(&file.path));
+        let to_stdout = files.iter().any(|file| waiting::is_stdout(&file.path));
         let is_terminal = !to_stdout && io::stdout().is_terminal();
         let theme = Theme::of(args.ascii, |name| std::env::var(name).ok());
         let to = if to_stdout { Stream::Stderr } else { Stream::Stdout };

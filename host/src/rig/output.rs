@@ -87,7 +87,7 @@ pub fn check(wanted: &[Wanted]) -> Result<(), Problem> {
             )));
         }
     }
-    for one in wanted.iter().filter(|one| one.kind != Kind::Read && !is_stdout(&one.path)) {
+    for one in wanted.iter().filter(|one| one.kind != Kind::Read && !waiting::is_stdout(&one.path)) {
         if is_of_stdout(&one.path) {
             return Err(Problem::Option(format!(
                 "{} and the standard output name the same file, {}: use /dev/stdout, or another file",
@@ -135,36 +135,9 @@ pub fn write_new(folder: &Path, name: &str, ending: &str, text: &str) -> Result<
     Err(cannot_write(&path.display().to_string(), &ErrorKind::AlreadyExists.into()))
 }
 
-/// Whether this is the standard output by another name.
-pub fn is_stdout(path: &str) -> bool {
-    matches!(path, "/dev/stdout" | "/dev/fd/1" | "/proc/self/fd/1")
-}
-
-/// The same of the standard error.
-fn is_stderr(path: &str) -> bool {
-    matches!(path, "/dev/stderr" | "/dev/fd/2" | "/proc/self/fd/2")
-}
-
 /// Whether this is the terminal of this program by another name.
 pub fn is_terminal(path: &str) -> bool {
-    path == "/dev/tty" || (is_stderr(path) && io::stderr().is_terminal())
-}
-
-/// The standard output or error, if this is its name: opened anew, a regular file would lose what is in it.
-#[cfg(unix)]
-pub fn own(path: &str) -> Option<io::Result<File>> {
-    use std::os::fd::AsFd;
-    let copy = match path {
-        path if is_stdout(path) => io::stdout().as_fd().try_clone_to_owned(),
-        path if is_stderr(path) => io::stderr().as_fd().try_clone_to_owned(),
-        _ => return None,
-    };
-    Some(copy.map(File::from))
-}
-
-#[cfg(not(unix))]
-pub const fn own(_: &str) -> Option<io::Result<File>> {
-    None
+    path == "/dev/tty" || (waiting::is_stderr(path) && io::stderr().is_terminal())
 }
 
 /// A path as a word of a shell's command line.
@@ -201,7 +174,7 @@ fn is_one_file(a: &str, b: &str) -> bool {
 fn is_of_stdout(path: &str) -> bool {
     use std::os::unix::fs::MetadataExt;
     let named = fs::metadata(path).ok().filter(fs::Metadata::is_file);
-    let stdout = own("/dev/stdout").and_then(Result::ok).and_then(|file| file.metadata().ok());
+    let stdout = waiting::own("/dev/stdout").and_then(Result::ok).and_then(|file| file.metadata().ok());
     named.zip(stdout).is_some_and(|(a, b)| (a.dev(), a.ino()) == (b.dev(), b.ino()))
 }
 

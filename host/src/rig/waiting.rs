@@ -1,7 +1,6 @@
 //! Opens what a run writes to. A FIFO without a reader makes that wait, and the end of the run ends the wait.
 
 use super::ending::EndRequest;
-use super::output;
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Write};
 use std::sync::mpsc::{RecvTimeoutError, channel};
@@ -16,7 +15,7 @@ const QUIET: Duration = Duration::from_secs(1);
 
 /// Opens this file for writing, from its beginning; an output of this program is written on where it is.
 pub fn create(path: &str, end: &EndRequest) -> io::Result<File> {
-    if let Some(own) = output::own(path) {
+    if let Some(own) = own(path) {
         return own;
     }
     if fs::metadata(path).map_or(true, |found| found.is_file()) {
@@ -52,4 +51,31 @@ pub fn write(path: &str, text: &str, end: &EndRequest) -> io::Result<()> {
     let mut file = create(path, end)?;
     file.write_all(text.as_bytes())?;
     file.flush()
+}
+
+/// Whether this is the standard output by another name.
+pub fn is_stdout(path: &str) -> bool {
+    matches!(path, "/dev/stdout" | "/dev/fd/1" | "/proc/self/fd/1")
+}
+
+/// The same of the standard error.
+pub fn is_stderr(path: &str) -> bool {
+    matches!(path, "/dev/stderr" | "/dev/fd/2" | "/proc/self/fd/2")
+}
+
+/// The standard output or error, if this is its name: opened anew, a regular file would lose what is in it.
+#[cfg(unix)]
+pub fn own(path: &str) -> Option<io::Result<File>> {
+    use std::os::fd::AsFd;
+    let copy = match path {
+        path if is_stdout(path) => io::stdout().as_fd().try_clone_to_owned(),
+        path if is_stderr(path) => io::stderr().as_fd().try_clone_to_owned(),
+        _ => return None,
+    };
+    Some(copy.map(File::from))
+}
+
+#[cfg(not(unix))]
+pub const fn own(_: &str) -> Option<io::Result<File>> {
+    None
 }
