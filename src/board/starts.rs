@@ -53,6 +53,7 @@ pub fn crash() {
 }
 
 /// The firmware ends, and has not failed: the supply or the crystal has. May be called from anywhere.
+#[cfg(any(feature = "stm32f4", not(feature = "ardupilot-bootloader")))]
 pub fn leave() {
     CRASHED.set(LEFT);
 }
