@@ -268,7 +268,7 @@ pub async fn serve(mavlink: Mavlink, port: EcuPort) {
         if !service.is_damaged() && retained != set {
             retained = set;
             if !SETTINGS.store(fingerprint, service.changes(&DEFAULTS)) {
-                defmt::warn!("settings: RAM has no space to retain all changes over a reset");
+                defmt::info!("settings: RAM has no space to retain all changes over a reset");
             }
         }
         #[cfg(feature = "usb")]
