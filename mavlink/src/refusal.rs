@@ -128,11 +128,13 @@ impl core::fmt::Display for Refusal {
             Self::OnlyByUsb => f.write_str("set the key over USB: other links can be overheard"),
             Self::Turns => f.write_str("an engine turns or is ordered to run: stop it first"),
             Self::UnknownSetting => f.write_str("no parameter has this name"),
-            Self::OutOfRange(Row { unit, .. }) if let Some(choices) = unit.choices() => f.write_str(choices),
-            Self::OutOfRange(row) => {
-                let off = if row.may_be_off { ", or -1" } else { "" };
-                write!(f, "use {} to {}{off}", Signed(row.min), Signed(row.max))
-            }
+            Self::OutOfRange(row) => match row.unit.choices() {
+                Some(choices) => f.write_str(choices),
+                None => {
+                    let off = if row.may_be_off { ", or -1" } else { "" };
+                    write!(f, "use {} to {}{off}", Signed(row.min), Signed(row.max))
+                }
+            },
             Self::LineTooSlow => f.write_str("the baud rate leaves no time for this value"),
             Self::NotWhole => f.write_str("the value has to be a whole number"),
             Self::EndPoints => f.write_str("MAV_THR_MIN has to be below MAV_THR_MAX"),
