@@ -43,7 +43,7 @@ pub fn fingerprint(defaults: &Defaults<'_>) -> u32 {
     defaults.wiring.iter().fold(engines, |sum, wiring| sum.words(&[wiring.packed()])).value()
 }
 
-/// Whether these records fit a memory of so many bytes.
+/// Whether these records fit a memory of this size, in bytes.
 pub(crate) fn fit(records: impl Iterator<Item = (u8, Record)>, bytes: usize) -> bool {
     // The first byte of a record is the kind.
     let lengths = records.map(|(_, record)| record.len()).filter(|length| *length >= 2);

@@ -17,7 +17,7 @@ const LOST_WITHIN: u64 = 1400 * MS;
 const FAILED: u64 = 8 * SECOND;
 /// For this long a lower demand explains a shaft that runs down.
 const SPOOLS_DOWN: u64 = 8 * SECOND;
-/// A rise by so many °C in this time is one of more than 200 °C/s.
+/// Rise in this time, in °C, which is one of more than 200 °C/s.
 const RISE: f64 = 165.0;
 const RISES_WITHIN: u64 = 750 * MS;
 /// Resolution of the wire, 0.1 %.
