@@ -108,5 +108,12 @@ fn count_once(
     let log = Log::follow(image, machine.log(), show)?;
     let status = machine.wait(Some(Duration::from_secs(60)))?;
     let lines = log.finish();
-    if status.success() { Ok(lines) } else { Err(format!("QEMU ended with {status}")) }
+    if !status.success() {
+        return Err(format!("QEMU ended with {status}"));
+    }
+    // A panic resets the firmware, which ends QEMU with status 0.
+    match lines.lines.iter().find(|line| line.level == "ERROR") {
+        Some(error) => Err(format!("the firmware's log has an error: {}", error.message)),
+        None => Ok(lines),
+    }
 }

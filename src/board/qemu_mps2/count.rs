@@ -63,9 +63,10 @@ pub async fn run() -> ! {
         for _ in 0..FRAMES {
             period.next().await;
             for (byte, least) in frame.iter().zip(&mut bytes) {
-                FIRST_SENT.store(0, Ordering::Relaxed);
                 Port::put(engine.port.into(), *byte);
                 let before = now();
+                // Behind `before`: what another engine's timer sends just here must not be earlier than it.
+                FIRST_SENT.store(0, Ordering::Relaxed);
                 // The interrupts of the UART and of the engines' executor are over when this returns.
                 Port::interrupt(engine.port.into());
                 let after = now();
