@@ -645,9 +645,7 @@ fn somebody_elses_data_in_an_fram_makes_no_reply_late_and_stays() {
             for engine in amt_engines(&report) {
                 let stats = report.ecu::<AmtEcu>(engine.port).stats;
                 let text = format!("{} {}: {stats:?}", board.name, engine.name);
-                // KNOWN FAULT since ports are opened after the settings are read: on the Pixracer one reply of these three resets is late.
-                // It was none before, and has to be none again.
-                assert!(stats.late <= 1 && stats.unsolicited == 0, "{text}");
+                assert_eq!((stats.late, stats.unsolicited), (0, 0), "{text}");
                 // A reset may cut a reply.
                 assert_eq!(stats.bad.total(), stats.bad.truncated, "{text}");
                 // Of the frames that come while it starts; all others are answered.
