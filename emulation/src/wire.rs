@@ -233,13 +233,13 @@ impl Wire {
     /// Bytes that were sent while nobody asked: the F4's UART does not while it is off. The line does not keep them. Half a bit late
     /// is not missed: a stop comes a little late while the core is busy.
     fn skip_missed(&mut self, now: Nanos) {
-        let byte = self.line.byte_ns(1);
+        let half_a_bit = self.line.byte_ns(1) / 20;
         while let Some(&Queued { due, byte: value, last }) = self.queue.front()
-            && due + byte / 20 < now
+            && due + half_a_bit < now
         {
             self.queue.pop_front();
             if self.recording {
-                self.rx.push(Rx { start: due, end: due + byte, byte: value, last, fate: Fate::Lost });
+                self.rx.push(Rx { start: due, end: due, byte: value, last, fate: Fate::Lost });
             }
         }
     }
