@@ -2,7 +2,7 @@
 //! AMT frames have no checksum, and that of ZK lets one in 256 damaged frames through.
 //!
 //! The results are reported to people and used by interlocks. The values that decide about the life of a running engine
-//! are raw ([`Sign`](crate::link::Sign)) and debounced where they are judged (`engine/life.rs`).
+//! are raw ([`Observation`](crate::link::Observation)) and debounced where they are judged (`engine/life.rs`).
 
 use crate::ecu::Faults;
 use crate::event::Event;

@@ -94,10 +94,10 @@ pub enum Stage {
     Unknown,
 }
 
-/// Information in one frame of an ECU about the life of its engine: raw, not debounced.
+/// What one frame of an ECU shows about the life of its engine: raw, not debounced.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Sign {
+pub enum Observation {
     /// The ECU was just powered up (AMT set-up set).
     PowerUp,
     /// A state of the engine (ZK status ID 1, AMT normal set).
@@ -169,11 +169,10 @@ pub trait Link {
     fn compose(&mut self) {}
     /// The next output. It decides nothing: the inputs and [`Link::compose`] do.
     fn poll(&mut self) -> Output;
-    /// Information about the engine in the frame that [`Link::receive`] has just taken. Returned once for each frame.
-    fn take_sign(&mut self) -> Option<Sign>;
-    /// Sets whether the engine runs, for an ECU whose "run" carries the throttle of a start until then (AMT-14). For every
-    /// ECU, the engine keeps the demand at idle until then.
-    /// Until then, damaged frames prevent a gap for a shorter time, too ([`Beat::bridge`]).
+    /// What the frame that [`Link::receive`] has just taken shows about the engine. Returned once for each frame.
+    fn take_observation(&mut self) -> Option<Observation>;
+    /// Sets whether the engine runs. Until it does, "run" to an AMT ECU carries the throttle of a start (AMT-14), the engine keeps
+    /// the demand at idle for every ECU, and damaged frames prevent a gap for a shorter time ([`GapDetector::bridge`]).
     fn release(&mut self, released: bool);
     /// Time at which three expected frames will be missing; `None` before the first frame and after such a gap.
     fn gap_at(&self) -> Option<Instant>;
@@ -366,7 +365,7 @@ impl LinkMonitor {
 /// Detects gaps in the frames of an ECU. Damaged frames do not count as a gap, for a time after the last good one:
 /// bursts of about a frame's length with a pause before each. Continuous babble or a break does.
 #[derive(Clone, Copy, Debug)]
-pub struct Beat {
+pub struct GapDetector {
     /// Bytes of a frame.
     frame_len: u8,
     line: Line,
@@ -384,34 +383,34 @@ pub struct Beat {
 }
 
 /// Time for which damaged frames prevent a gap of an engine that has reached running.
-const DAMAGED_BEAT_MAX: Duration = Duration::from_secs(10);
+const DAMAGED_MAX: Duration = Duration::from_secs(10);
 /// The same before that: a start that fails behind them must not begin again on the order to run.
-const DAMAGED_BEAT_MAX_IN_START: Duration = Duration::from_secs(3);
+const DAMAGED_MAX_IN_START: Duration = Duration::from_secs(3);
 /// Number of expected frames that have to be missing for a gap.
 const GAP_FRAMES: u32 = 3;
 
-impl Beat {
+impl GapDetector {
     /// For frames of this number of bytes, expected at this interval.
     pub fn new(frame_len: u8, line: Line, interval: Duration) -> Self {
-        let mut beat = Self {
+        let mut detector = Self {
             frame_len,
             line,
             gap_after: Duration::MIN,
             pause: Duration::MIN,
-            bridged: DAMAGED_BEAT_MAX,
+            bridged: DAMAGED_MAX,
             last: None,
             good: None,
             last_byte: None,
             burst: 0,
             gap: false,
         };
-        beat.expect(interval);
-        beat
+        detector.expect(interval);
+        detector
     }
 
     /// Sets for how long damaged frames prevent a gap: less until the engine has reached running.
     pub const fn bridge(&mut self, reached: bool) {
-        self.bridged = if reached { DAMAGED_BEAT_MAX } else { DAMAGED_BEAT_MAX_IN_START };
+        self.bridged = if reached { DAMAGED_MAX } else { DAMAGED_MAX_IN_START };
     }
 
     /// Changes the interval of frames from now on.

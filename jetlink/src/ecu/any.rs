@@ -3,7 +3,7 @@
 use super::{EcuConfig, Service, protocols};
 use crate::command::{Order, Rejected};
 use crate::line::{Line, LineError, Timing};
-use crate::link::{Link, LinkRecord, LinkStatus, Output, ServiceFrames, Sign, Speaks};
+use crate::link::{Link, LinkRecord, LinkStatus, Observation, Output, ServiceFrames, Speaks};
 use crate::report::NotSent;
 use crate::units::Hectopascals;
 use embassy_time::{Duration, Instant};
@@ -113,9 +113,9 @@ macro_rules! any_link {
                     }
             }
 
-            fn take_sign(&mut self) -> Option<Sign> {
+            fn take_observation(&mut self) -> Option<Observation> {
                 match self {
-                        $(Self::$name(link) => link.take_sign(),)+
+                        $(Self::$name(link) => link.take_observation(),)+
                     }
             }
 

@@ -7,26 +7,26 @@ use super::run::Run;
 use super::sources::Intent;
 use crate::command::{Demand, Origin};
 use crate::event::Event;
-use crate::link::{Link, Sign, Stage};
+use crate::link::{Link, Observation, Stage};
 use crate::report::REPORT_MAX_AGE;
 use crate::units::Throttle;
 use embassy_time::{Duration, Instant};
 
 impl Engine {
     /// Judges what one frame says about the life of the engine, before its reply is handed out.
-    pub(super) fn judge(&mut self, now: Instant, sign: Sign) {
+    pub(super) fn judge(&mut self, now: Instant, observation: Observation) {
         // A gap ends with the first frame behind it.
-        if sign == Sign::PowerUp || self.last_gap == Some(Instant::MAX) {
+        if observation == Observation::PowerUp || self.last_gap == Some(Instant::MAX) {
             self.last_gap = Some(now);
         }
-        self.observe_exhaust(now, sign);
+        self.observe_exhaust(now, observation);
         let exhaust = self.exhaust.burning();
         let answers = self.link.answers_frames();
         match &mut self.mode {
             Mode::Stop(_) | Mode::Standby => {}
             Mode::Run(Run { life, .. }) | Mode::Pwm { life, .. } => {
                 let doubted = life.in_doubt().is_some();
-                let end = life.observe(now, sign, exhaust);
+                let end = life.observe(now, observation, exhaust);
                 let doubts = life.in_doubt().is_some();
                 match end {
                     Some(end) => self.life_over(now, end),
@@ -42,34 +42,34 @@ impl Engine {
                 }
             }
             Mode::Listen(finding) => {
-                let found = finding.observe(sign, exhaust, answers);
-                self.found(now, found, sign);
+                let found = finding.observe(observation, exhaust, answers);
+                self.found(now, found, observation);
             }
         }
     }
 
-    fn observe_exhaust(&mut self, now: Instant, sign: Sign) {
-        let egt = match sign {
-            Sign::State { .. } => {
+    fn observe_exhaust(&mut self, now: Instant, observation: Observation) {
+        let egt = match observation {
+            Observation::State { .. } => {
                 self.link.status().report.egt.filter(|egt| egt.at == now).map(|egt| egt.value)
             }
-            Sign::Faulted { egt, .. } => egt,
+            Observation::Faulted { egt, .. } => egt,
             _ => return,
         };
         let lowered = match &self.mode {
             Mode::Run(run) => run.lowered.fall_expected(now).as_ticks() > 0,
             _ => false,
         };
-        let fall = match sign {
+        let fall = match observation {
             _ if !lowered => Fall::NotExpected,
-            Sign::State { stage: Stage::Running, turning: Some(true), .. } => Fall::ExpectedOfRunning,
+            Observation::State { stage: Stage::Running, turning: Some(true), .. } => Fall::ExpectedOfRunning,
             _ => Fall::Expected,
         };
         self.exhaust.observe(now, egt, fall);
     }
 
     /// Acts on the result of a search for a running engine.
-    fn found(&mut self, now: Instant, found: Found, sign: Sign) {
+    fn found(&mut self, now: Instant, found: Found, observation: Observation) {
         let status = self.link.status();
         let throttle = status.report.settled_throttle(now);
         // Two reports come within a second. An engine whose ECU never reports a throttle goes to idle.
@@ -92,14 +92,14 @@ impl Engine {
                     Mode::Listen(finding) => (finding.flew(), finding.started),
                     _ => (false, None),
                 };
-                let life = match sign {
-                    Sign::State { stage: Stage::Running, .. } => Life::found_running(),
-                    Sign::State { stage, .. } if started.is_some() || stage == Stage::Starting => {
+                let life = match observation {
+                    Observation::State { stage: Stage::Running, .. } => Life::found_running(),
+                    Observation::State { stage, .. } if started.is_some() || stage == Stage::Starting => {
                         Life::found_starting(stage)
                     }
                     // In flight, if it ran before. Otherwise the ECU may have begun it just now.
-                    Sign::State { .. } if ran => Life::found_running(),
-                    Sign::State { .. } => Life::found_turning(now),
+                    Observation::State { .. } if ran => Life::found_running(),
+                    Observation::State { .. } => Life::found_turning(now),
                     _ => Life::found_burning(now),
                 };
                 let started_before = started.filter(|_| !life.reached()).unwrap_or(Duration::from_ticks(0));

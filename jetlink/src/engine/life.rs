@@ -8,7 +8,7 @@
 use super::exhaust::Burning;
 use crate::command::Origin;
 use crate::event::End;
-use crate::link::{Sign, Stage};
+use crate::link::{Observation, Stage};
 use crate::units::Throttle;
 use embassy_time::{Duration, Instant};
 
@@ -226,20 +226,20 @@ impl Life {
     }
 
     /// Takes one frame. Returns why the life ended, if it did.
-    pub fn observe(&mut self, now: Instant, sign: Sign, exhaust: Burning) -> Option<End> {
-        if sign == Sign::PowerUp {
+    pub fn observe(&mut self, now: Instant, observation: Observation, exhaust: Burning) -> Option<End> {
+        if observation == Observation::PowerUp {
             self.answers = false;
             return Some(End::PowerUp);
         }
-        self.count_faults(now, sign, exhaust);
-        let fit = self.fit(sign, exhaust);
+        self.count_faults(now, observation, exhaust);
+        let fit = self.fit(observation, exhaust);
         let end = match fit {
             Fit::Fits => {
-                self.advance(sign);
+                self.advance(observation);
                 None
             }
             Fit::Neither => {
-                self.contradict(sign, exhaust);
+                self.contradict(observation, exhaust);
                 None
             }
             Fit::Confirms => {
@@ -260,20 +260,22 @@ impl Life {
                 (doubt.ending >= AGREEING).then_some(end)
             }
         };
-        self.restarting = match sign {
-            Sign::State { stage: Stage::Restart, .. } => self.restarting.or(Some(now)),
-            Sign::State { stage: Stage::Ignition | Stage::FuelRamp, .. } => self.restarting,
-            Sign::State { .. } => None,
+        self.restarting = match observation {
+            Observation::State { stage: Stage::Restart, .. } => self.restarting.or(Some(now)),
+            Observation::State { stage: Stage::Ignition | Stage::FuelRamp, .. } => self.restarting,
+            Observation::State { .. } => None,
             _ => self.restarting,
         };
         let end = end.or_else(|| self.fault_end(exhaust));
-        self.answers = end.is_none() && self.may_answer(sign, fit, exhaust);
+        self.answers = end.is_none() && self.may_answer(observation, fit, exhaust);
         if let Some(doubt) = &mut self.doubt {
-            doubt.withheld = match sign {
-                Sign::State { stage, .. } if stage <= Stage::Clearance => AGREEING.min(doubt.withheld + 1),
-                Sign::State { .. } => u8::from(!self.answers),
+            doubt.withheld = match observation {
+                Observation::State { stage, .. } if stage <= Stage::Clearance => {
+                    AGREEING.min(doubt.withheld + 1)
+                }
+                Observation::State { .. } => u8::from(!self.answers),
                 // One report between error sets may be odd.
-                Sign::Faulted { .. } => doubt.withheld & AGREEING,
+                Observation::Faulted { .. } => doubt.withheld & AGREEING,
                 _ => doubt.withheld,
             };
         }
@@ -296,11 +298,11 @@ impl Life {
     }
 
     /// Relation of one frame to the life, given its progress.
-    fn fit(&self, sign: Sign, exhaust: Burning) -> Fit {
+    fn fit(&self, observation: Observation, exhaust: Burning) -> Fit {
         let gap = self.after_gap();
-        let (stage, turning) = match sign {
-            Sign::State { stage, turning, .. } => (stage, turning),
-            Sign::Shaft { turning: false } if self.reached() => return Fit::Doubtful,
+        let (stage, turning) = match observation {
+            Observation::State { stage, turning, .. } => (stage, turning),
+            Observation::Shaft { turning: false } if self.reached() => return Fit::Doubtful,
             _ => return Fit::Neither,
         };
         let slow = turning != Some(true);
@@ -345,11 +347,11 @@ impl Life {
 
     /// Takes a report that fits: two that agree advance the life. They also end the doubt that one odd report raised in a
     /// start; after a gap only a running engine does.
-    fn advance(&mut self, sign: Sign) {
-        let Sign::State { stage, .. } = sign else { return };
+    fn advance(&mut self, observation: Observation) {
+        let Observation::State { stage, .. } = observation else { return };
         // A restart may be at any stage.
         let stage = if stage == Stage::Restart { Stage::Ignition } else { stage };
-        self.contradict(sign, Burning::NotKnown);
+        self.contradict(observation, Burning::NotKnown);
         let agrees = self.candidate.replace(stage).is_some_and(|before| before > Stage::Clearance);
         if agrees && stage > Stage::Clearance && !self.after_gap() {
             self.doubt = None;
@@ -359,11 +361,11 @@ impl Life {
 
     /// Resets the counts of agreeing reports, which have to be consecutive. Between two reports of an engine at rest, faults beside an
     /// exhaust that burns contradict them.
-    const fn contradict(&mut self, sign: Sign, exhaust: Burning) {
+    const fn contradict(&mut self, observation: Observation, exhaust: Burning) {
         let Some(doubt) = &mut self.doubt else { return };
-        match (sign, exhaust) {
-            (Sign::State { .. }, _) => (doubt.confirming, doubt.ending) = (0, 0),
-            (Sign::Faulted { .. }, Burning::Yes) => doubt.ending = 0,
+        match (observation, exhaust) {
+            (Observation::State { .. }, _) => (doubt.confirming, doubt.ending) = (0, 0),
+            (Observation::Faulted { .. }, Burning::Yes) => doubt.ending = 0,
             _ => {}
         }
     }
@@ -391,9 +393,9 @@ impl Life {
     }
 
     /// Counts error sets. They put a running engine in doubt until the next state confirms it.
-    fn count_faults(&mut self, now: Instant, sign: Sign, exhaust: Burning) {
-        match sign {
-            Sign::Faulted { .. } => {
+    fn count_faults(&mut self, now: Instant, observation: Observation, exhaust: Burning) {
+        match observation {
+            Observation::Faulted { .. } => {
                 self.faulted = self.faulted.saturating_add(1);
                 if self.only_faults() && self.reached() {
                     let doubt = self.raise(now);
@@ -401,7 +403,7 @@ impl Life {
                     doubt.burned |= exhaust == Burning::Yes;
                 }
             }
-            Sign::State { .. } => {
+            Observation::State { .. } => {
                 // Until now the exhaust confirmed the engine, so the doubt begins here.
                 if self.only_faults()
                     && exhaust == Burning::Yes
@@ -416,23 +418,23 @@ impl Life {
     }
 
     /// Whether the frame may be answered with the order in force: not if that could start an engine whose life is in doubt.
-    fn may_answer(&self, sign: Sign, fit: Fit, exhaust: Burning) -> bool {
+    fn may_answer(&self, observation: Observation, fit: Fit, exhaust: Burning) -> bool {
         let Some(doubt) = self.doubt else { return true };
-        match sign {
-            Sign::PowerUp | Sign::Shaft { .. } => false,
+        match observation {
+            Observation::PowerUp | Observation::Shaft { .. } => false,
             // After faults only a report of running; other states may be the last turns of the shaft.
-            Sign::State { stage, turning, .. } => {
+            Observation::State { stage, turning, .. } => {
                 turning == Some(true)
                     && !matches!(fit, Fit::Ends(_) | Fit::Doubtful)
                     && (!doubt.faults || stage == Stage::Running)
             }
             // Damaged values are no gap: without replies during a second of noise the ECU would stop the engine.
-            Sign::Damaged => !doubt.after_gap() && doubt.withheld < AGREEING,
+            Observation::Damaged => !doubt.after_gap() && doubt.withheld < AGREEING,
             // It adds nothing to the last set that had a state.
-            Sign::Stateless => !doubt.after_gap() && doubt.withheld == 0,
+            Observation::Stateless => !doubt.after_gap() && doubt.withheld == 0,
             // The ECU has reported that its engine does not run, and its exhaust may be hot yet.
-            Sign::Faulted { .. } if doubt.withheld >= AGREEING => false,
-            Sign::Faulted { .. } => match (doubt.cause, exhaust) {
+            Observation::Faulted { .. } if doubt.withheld >= AGREEING => false,
+            Observation::Faulted { .. } => match (doubt.cause, exhaust) {
                 (_, Burning::Yes) => true,
                 (_, Burning::No) => false,
                 // A restarted ECU could start its engine when the fault clears.
@@ -541,10 +543,10 @@ impl Finding {
 
     /// Takes one frame. `answers`: the ECU waits for replies (AMT), and a set with an unnamed state counts as running if its
     /// shaft turns.
-    pub fn observe(&mut self, sign: Sign, exhaust: Burning, answers: bool) -> Found {
-        match sign {
-            Sign::PowerUp => Found::NotRunning,
-            Sign::State { stage, turning, throttle } => {
+    pub fn observe(&mut self, observation: Observation, exhaust: Burning, answers: bool) -> Found {
+        match observation {
+            Observation::PowerUp => Found::NotRunning,
+            Observation::State { stage, turning, throttle } => {
                 let turning = turning == Some(true);
                 let alive = match stage {
                     Stage::Running => turning,
@@ -574,7 +576,7 @@ impl Finding {
                     _ => Found::Nothing,
                 }
             }
-            Sign::Faulted { .. } if self.flew() && exhaust == Burning::Yes => Found::Burning,
+            Observation::Faulted { .. } if self.flew() && exhaust == Burning::Yes => Found::Burning,
             _ => Found::Nothing,
         }
     }

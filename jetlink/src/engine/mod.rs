@@ -69,13 +69,13 @@ impl Engine {
             self.update(now);
         }
         let taken = self.link.receive(now, bytes);
-        if let Some(sign) = self.link.take_sign() {
+        if let Some(observation) = self.link.take_observation() {
             self.touch();
             self.pending_frame = Some(now);
             if let Mode::Run(run) = &mut self.mode {
                 run.received = run.sent;
             }
-            self.judge(now, sign);
+            self.judge(now, observation);
         }
         taken
     }

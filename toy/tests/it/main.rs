@@ -20,7 +20,7 @@ use toy::ecu::toy::link::ToyLink;
 use toy::ecu::{self as any, EcuConfig};
 use toy::event::Event;
 use toy::line::Line;
-use toy::link::{Link, Sign, Speaks, Stage};
+use toy::link::{Link, Observation, Speaks, Stage};
 use toy::report::{LinkState, Phase};
 use toy::setting::Effect;
 use toy::units::{Celsius, Throttle};
@@ -102,8 +102,8 @@ fn toy_link_keeps_its_timing_table() {
     bench.rx_at_us(260_000, &[0xA5, 1, 120]);
     let status = bench.machine.status();
     assert_eq!((status.state, status.report.phase.unwrap().value), (LinkState::Up, Phase::Running));
-    let sign = Sign::State { stage: Stage::Running, turning: Some(true), throttle: None };
-    assert_eq!(bench.machine.take_sign(), Some(sign));
+    let observation = Observation::State { stage: Stage::Running, turning: Some(true), throttle: None };
+    assert_eq!(bench.machine.take_observation(), Some(observation));
     bench.frames();
     for (order, code) in [(RUN, 2), (Order::Doubt(Demand::Throttle(Throttle::IDLE)), 0), (Order::Standby, 1)]
     {

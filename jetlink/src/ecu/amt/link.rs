@@ -23,7 +23,8 @@ use crate::ecu::{Faults, Service as AnyService};
 use crate::event::Event;
 use crate::line::{Line, LineError, Timing};
 use crate::link::{
-    Beat, Damage, Link, LinkMonitor, LinkStatus, Outbox, Output, Sign, Speaks, Stage, Transmission,
+    Damage, GapDetector, Link, LinkMonitor, LinkStatus, Observation, Outbox, Output, Speaks, Stage,
+    Transmission,
 };
 use crate::report::{EcuState, NotSent, Phase, RawFrame, Reading, ReportedSwitch, Timed, bump};
 use crate::units::{Hectopascals, Rpm, Throttle};
@@ -43,8 +44,8 @@ pub struct AmtLink {
     status: LinkStatus,
     outbox: Outbox,
     order: Order,
-    beat: Beat,
-    sign: Option<Sign>,
+    gaps: GapDetector,
+    observation: Option<Observation>,
     /// The transmission of CTF was reported.
     ctf_ordered: bool,
     damage: Damage,
@@ -72,8 +73,8 @@ impl AmtLink {
             status: LinkStatus::default(),
             outbox: Outbox::default(),
             order: Order::Listen,
-            beat: Beat::new(FRAME_LEN as u8, line, SET_INTERVAL),
-            sign: None,
+            gaps: GapDetector::new(FRAME_LEN as u8, line, SET_INTERVAL),
+            observation: None,
             ctf_ordered: false,
             damage: Damage::default(),
             sending: None,
@@ -90,7 +91,7 @@ impl AmtLink {
         // values are discarded, but it is still answered. A line that damages every frame counts as lost.
         if self.damage.reaches_back(frame.raw().len()) {
             bump(&mut self.status.counters.damaged_frames);
-            self.sign = Some(Sign::Damaged);
+            self.observation = Some(Observation::Damaged);
         } else {
             self.note_frame(now);
             self.use_values(now, frame);
@@ -99,7 +100,7 @@ impl AmtLink {
     }
 
     fn note_frame(&mut self, now: Instant) {
-        self.beat.frame(now);
+        self.gaps.frame(now);
         // A silence that has lasted long enough was a loss, even if this frame is handled before the timer.
         if self.monitor.timeout(now, &mut self.status) {
             self.outbox.event(Event::LinkLost);
@@ -113,7 +114,7 @@ impl AmtLink {
         match frame.message() {
             Message::Normal { switch, state, rpm, egt, throttle, vout } => {
                 self.state(now, state, switch, rpm);
-                self.sign = Some(Sign::State {
+                self.observation = Some(Observation::State {
                     stage: stage_of(state),
                     turning: Some(rpm >= self.config.half_idle),
                     throttle: throttle.throttle(),
@@ -123,7 +124,7 @@ impl AmtLink {
                 self.faults(now, ErrorBits(0));
             }
             Message::Error { errors, egt, throttle, vout } => {
-                self.sign = Some(Sign::Faulted {
+                self.observation = Some(Observation::Faulted {
                     throttle: throttle.throttle(),
                     egt: (!errors.egt()).then(|| egt.celsius()),
                 });
@@ -131,7 +132,7 @@ impl AmtLink {
                 self.faults(now, errors);
             }
             Message::Alternate { engine_id, idle, max, battery, external } => {
-                self.sign = Some(Sign::Stateless);
+                self.observation = Some(Observation::Stateless);
                 // An ID that is in no table is also another engine: its scale is then unknown (AMT-4).
                 let certain = self.engine.get().is_none();
                 self.identify(now, EngineModel::from_id(engine_id), certain);
@@ -152,11 +153,11 @@ impl AmtLink {
                 self.status.report.amt_setup = Some(Timed::new(setup, now));
                 // It is only sent after a power-up, so its engine is at rest.
                 self.status.report.powered_up = Some(now);
-                self.sign = Some(Sign::PowerUp);
+                self.observation = Some(Observation::PowerUp);
                 self.outbox.event(Event::EcuStarted);
             }
             Message::Unknown => {
-                self.sign = Some(Sign::Stateless);
+                self.observation = Some(Observation::Stateless);
                 self.status.report.unknown = Some(Timed::new(RawFrame::new(frame.raw()), now));
             }
         }
@@ -305,13 +306,13 @@ impl Link for AmtLink {
     }
 
     fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
-        if self.beat.broke_off(now) {
+        if self.gaps.broke_off(now) {
             // The rest of another set would complete this one, with the state of before.
             self.decoder.byte_lost();
         }
         let (taken, frame) = self.decoder.feed(bytes);
         self.damage.received(taken, bytes.len());
-        self.beat.bytes(now, taken);
+        self.gaps.bytes(now, taken);
         self.count();
         if let Some(frame) = frame {
             self.frame(now, &frame);
@@ -415,21 +416,21 @@ impl Link for AmtLink {
         self.outbox.poll(&mut self.status).unwrap_or(Output::Wait(self.monitor.deadline()))
     }
 
-    fn take_sign(&mut self) -> Option<Sign> {
-        self.sign.take()
+    fn take_observation(&mut self) -> Option<Observation> {
+        self.observation.take()
     }
 
     fn release(&mut self, released: bool) {
         self.released = released;
-        self.beat.bridge(released);
+        self.gaps.bridge(released);
     }
 
     fn gap_at(&self) -> Option<Instant> {
-        self.beat.gap_at()
+        self.gaps.gap_at()
     }
 
     fn gap(&mut self) {
-        self.beat.gap();
+        self.gaps.gap();
     }
 
     fn answers_frames(&self) -> bool {

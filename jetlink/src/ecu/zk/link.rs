@@ -15,15 +15,15 @@ use super::codec::{Control, Decoder, Rate, RpmCode, RpmFactor, STATUS_LEN, Statu
 use super::config::Config;
 use super::mode::{Known, Modes};
 use super::service::{Pressure, PumpClosing, RateSetting, ServiceCommand};
-use super::status::{DebouncedStatus, reported, sign_of};
+use super::status::{DebouncedStatus, observation_of, reported};
 use crate::command::{Demand, Order, Rejected};
 use crate::ecu::Service as AnyService;
 use crate::ecu::vendor::VendorService;
 use crate::event::Event;
 use crate::line::{Line, LineError, Timing};
 use crate::link::{
-    Beat, Damage, Link, LinkMonitor, LinkRecord, LinkStatus, Outbox, Output, ServiceFrames, Sign, Speaks,
-    Transmission, earlier,
+    Damage, GapDetector, Link, LinkMonitor, LinkRecord, LinkStatus, Observation, Outbox, Output,
+    ServiceFrames, Speaks, Transmission, earlier,
 };
 use crate::report::{NotSent, bump};
 use crate::units::{Hectopascals, Rpm};
@@ -39,8 +39,8 @@ pub struct ZkLink {
     status: LinkStatus,
     debounced: DebouncedStatus,
     outbox: Outbox,
-    beat: Beat,
-    sign: Option<Sign>,
+    gaps: GapDetector,
+    observation: Option<Observation>,
     next_slot: Option<Instant>,
     /// A frame has to be sent before the next slot, as soon as the UART is free.
     out_of_slot: bool,
@@ -67,8 +67,8 @@ impl ZkLink {
             status: LinkStatus::default(),
             debounced: DebouncedStatus::new(),
             outbox: Outbox::default(),
-            beat: Beat::new(STATUS_LEN as u8, line, Rate::Hz20.interval()),
-            sign: None,
+            gaps: GapDetector::new(STATUS_LEN as u8, line, Rate::Hz20.interval()),
+            observation: None,
             next_slot: None,
             out_of_slot: false,
             extra_last: false,
@@ -85,12 +85,12 @@ impl ZkLink {
     fn frame(&mut self, now: Instant, frame: &StatusFrame) {
         // A silence that has lasted long enough was a loss, even if this frame is handled before the timer.
         self.check_link(now);
-        self.beat.frame(now);
+        self.gaps.frame(now);
         if self.monitor.frame(now, &mut self.status) {
             self.outbox.event(Event::LinkUp);
         }
         let status = frame.status();
-        self.sign = Some(sign_of(frame, &status, &self.status.report));
+        self.observation = Some(observation_of(frame, &status, &self.status.report));
         self.debounced.see(now, frame, &status, &mut self.status.report, &mut self.outbox);
         match status {
             Status::Engine { switch, .. } => self.modes.reported(now, reported(switch)),
@@ -124,7 +124,7 @@ impl ZkLink {
     /// either (ZK-10, ZK-11).
     fn expect_frames(&mut self) {
         let reported = self.debounced.rate().unwrap_or(Rate::Hz20);
-        self.beat.expect(reported.interval().max(self.wanted_rate.interval()));
+        self.gaps.expect(reported.interval().max(self.wanted_rate.interval()));
     }
 
     /// The version that two reports agree on, which decides which commands the ECU is sent.
@@ -230,7 +230,7 @@ impl Link for ZkLink {
     fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
         let (taken, frame) = self.decoder.feed(bytes);
         self.damage.received(taken, bytes.len());
-        self.beat.bytes(now, taken);
+        self.gaps.bytes(now, taken);
         let decoder = self.decoder.counters();
         let counters = &mut self.status.counters;
         counters.frames = decoder.frames;
@@ -366,20 +366,20 @@ impl Link for ZkLink {
             .unwrap_or_else(|| Output::Wait(earlier(self.next_slot, self.monitor.deadline())))
     }
 
-    fn take_sign(&mut self) -> Option<Sign> {
-        self.sign.take()
+    fn take_observation(&mut self) -> Option<Observation> {
+        self.observation.take()
     }
 
     fn release(&mut self, released: bool) {
-        self.beat.bridge(released);
+        self.gaps.bridge(released);
     }
 
     fn gap_at(&self) -> Option<Instant> {
-        self.beat.gap_at()
+        self.gaps.gap_at()
     }
 
     fn gap(&mut self) {
-        self.beat.gap();
+        self.gaps.gap();
         // It was meant for the ECU that was received before.
         self.service.cancel(&mut self.outbox);
     }

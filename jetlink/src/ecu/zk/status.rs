@@ -4,7 +4,7 @@ use super::codec::{Rate, State, Status, StatusFrame, SwitchStatus, Version, Volt
 use crate::debounce::{Debounced, DebouncedState};
 use crate::ecu::Faults;
 use crate::event::Event;
-use crate::link::{Outbox, Sign, Stage};
+use crate::link::{Observation, Outbox, Stage};
 use crate::report::{EcuState, Phase, RawFrame, Reading, Report, ReportedSwitch, Timed};
 use crate::units::{Rpm, Throttle};
 use embassy_time::Instant;
@@ -155,13 +155,13 @@ impl DebouncedStatus {
 }
 
 /// Information in one frame about the life of the engine.
-pub(super) fn sign_of(frame: &StatusFrame, status: &Status, report: &Report) -> Sign {
+pub(super) fn observation_of(frame: &StatusFrame, status: &Status, report: &Report) -> Observation {
     let turning = frame.rpm() >= half_idle(report);
     match status {
         Status::Engine { state, .. } => {
-            Sign::State { stage: stage_of(*state), turning: Some(turning), throttle: None }
+            Observation::State { stage: stage_of(*state), turning: Some(turning), throttle: None }
         }
-        _ => Sign::Shaft { turning },
+        _ => Observation::Shaft { turning },
     }
 }
 

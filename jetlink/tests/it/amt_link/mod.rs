@@ -18,7 +18,7 @@ use jetlink::engine::Engine;
 use jetlink::engine::retained::RetainedState;
 use jetlink::event::Event;
 use jetlink::line::{Line, LineError, Timing};
-use jetlink::link::{Link, Output, Sign, Stage};
+use jetlink::link::{Link, Observation, Output, Stage};
 use jetlink::report::{LinkState, NotSent, Phase, ReportedSwitch};
 use jetlink::units::{Celsius, Rpm, Throttle};
 use proptest::prelude::*;

@@ -424,7 +424,7 @@ fn bytes_from_before_a_pause_are_not_part_of_a_set_after_it() {
 /// AMT-3: what each kind of set reports about the life of the engine.
 #[test]
 fn each_set_gives_the_sign_of_its_state() {
-    let state = |stage, rpm: u8| Sign::State {
+    let state = |stage, rpm: u8| Observation::State {
         stage,
         turning: Some(rpm >= 20),
         throttle: Some(Throttle::from_tenths(405).unwrap()),
@@ -454,20 +454,20 @@ fn each_set_gives_the_sign_of_its_state() {
     for bits in 1..=0xFEu8 {
         // B3: EGT error.
         let egt = egt.filter(|_| bits & 0b1000 == 0);
-        cases.push((with_throttle(hot(error(bits))), Sign::Faulted { throttle, egt }));
+        cases.push((with_throttle(hot(error(bits))), Observation::Faulted { throttle, egt }));
     }
-    cases.push((alternate(0x18).to_vec(), Sign::Stateless));
-    cases.push((vec![0xFF, 0x0B, 1, 2, 3, 4], Sign::Stateless));
-    cases.push((setup("9.35 140617 "), Sign::PowerUp));
-    for (frame, sign) in cases {
+    cases.push((alternate(0x18).to_vec(), Observation::Stateless));
+    cases.push((vec![0xFF, 0x0B, 1, 2, 3, 4], Observation::Stateless));
+    cases.push((setup("9.35 140617 "), Observation::PowerUp));
+    for (frame, observation) in cases {
         let mut bench = default();
-        assert_eq!(bench.machine.take_sign(), None);
+        assert_eq!(bench.machine.take_observation(), None);
         reply_to(&mut bench, &frame);
-        assert_eq!(bench.machine.take_sign(), Some(sign), "{frame:02x?}");
-        assert_eq!(bench.machine.take_sign(), None, "once");
+        assert_eq!(bench.machine.take_observation(), Some(observation), "{frame:02x?}");
+        assert_eq!(bench.machine.take_observation(), None, "once");
         bench.machine.line_error(LineError::Noise);
         reply_to(&mut bench, &frame);
-        assert_eq!(bench.machine.take_sign(), Some(Sign::Damaged), "{frame:02x?}");
+        assert_eq!(bench.machine.take_observation(), Some(Observation::Damaged), "{frame:02x?}");
     }
 }
 

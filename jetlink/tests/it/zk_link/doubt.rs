@@ -148,13 +148,17 @@ fn each_status_gives_the_sign_of_its_state() {
                     13 => Stage::Restart,
                     _ => Stage::Unknown,
                 };
-                let sign = Sign::State { stage, turning: Some(turns), throttle: None };
-                assert_eq!(bench.machine.take_sign(), Some(sign), "state {state} at {rpm} rpm");
-                assert_eq!(bench.machine.take_sign(), None, "once");
+                let observation = Observation::State { stage, turning: Some(turns), throttle: None };
+                assert_eq!(bench.machine.take_observation(), Some(observation), "state {state} at {rpm} rpm");
+                assert_eq!(bench.machine.take_observation(), None, "once");
             }
             for id in [2, 3, 4, 5, 7, 9, 10] {
                 bench.receive(&zk::status(id, rpm, [1, 2, 3]));
-                assert_eq!(bench.machine.take_sign(), Some(Sign::Shaft { turning: turns }), "{id} at {rpm}");
+                assert_eq!(
+                    bench.machine.take_observation(),
+                    Some(Observation::Shaft { turning: turns }),
+                    "{id} at {rpm}"
+                );
             }
         }
     }

@@ -23,7 +23,7 @@ use jetlink::engine::Engine;
 use jetlink::engine::retained::RetainedState;
 use jetlink::event::Event;
 use jetlink::line::{Line, LineError};
-use jetlink::link::{Link, Sign, Stage};
+use jetlink::link::{Link, Observation, Stage};
 use jetlink::report::{LinkState, NotSent, Phase, ReportedSwitch};
 use jetlink::units::{Hectopascals, Millivolts, Rpm, Throttle};
 use proptest::prelude::*;

@@ -213,7 +213,7 @@ fn values_of_frames_with_a_line_error_are_discarded_and_the_next_ones_count() {
         let status = bench.machine.status();
         assert_eq!((status.state, status.report.phase), (LinkState::Silent, None), "{error:?}");
         assert_eq!((status.counters.frames, status.counters.damaged_frames), (2, 2), "{error:?}");
-        assert_eq!(bench.machine.take_sign(), None, "{error:?}");
+        assert_eq!(bench.machine.take_observation(), None, "{error:?}");
 
         for _ in 0..2 {
             bench.receive(&right);

@@ -8,8 +8,8 @@ use crate::ecu::{Faults, Service as AnyService};
 use crate::event::Event;
 use crate::line::{Line, LineError, Timing};
 use crate::link::{
-    Beat, Link, LinkMonitor, LinkStatus, Outbox, Output, ServiceFrames, Sign, Speaks, Stage, Transmission,
-    earlier,
+    GapDetector, Link, LinkMonitor, LinkStatus, Observation, Outbox, Output, ServiceFrames, Speaks, Stage,
+    Transmission, earlier,
 };
 use crate::report::{EcuState, NotSent, Phase, ReportedSwitch, Timed, bump};
 use crate::units::Hectopascals;
@@ -25,19 +25,19 @@ pub struct ToyLink {
     decoder: Decoder,
     status: LinkStatus,
     monitor: LinkMonitor,
-    beat: Beat,
+    gaps: GapDetector,
     outbox: Outbox,
     state: DebouncedState,
     order: Order,
     /// Takes the place of the order in the next send slot.
     service: Option<Service>,
-    sign: Option<Sign>,
+    observation: Option<Observation>,
     next_slot: Option<Instant>,
 }
 
 impl ToyLink {
     fn frame(&mut self, now: Instant, frame: Frame) {
-        self.beat.frame(now);
+        self.gaps.frame(now);
         self.status.counters.frames += 1;
         if self.monitor.frame(now, &mut self.status) {
             self.outbox.event(Event::LinkUp);
@@ -47,7 +47,8 @@ impl ToyLink {
             State::Running => (Stage::Running, Phase::Running),
             State::Unknown(_) => (Stage::Unknown, Phase::Unknown),
         };
-        self.sign = Some(Sign::State { stage, turning: Some(stage == Stage::Running), throttle: None });
+        self.observation =
+            Some(Observation::State { stage, turning: Some(stage == Stage::Running), throttle: None });
         let state = EcuState { code: frame.state.code(), name: frame.state.name() };
         // It does not report its switch.
         let reports = (state, phase, ReportedSwitch::Unknown(0));
@@ -66,12 +67,12 @@ impl Speaks for Config {
             decoder: Decoder::default(),
             status: LinkStatus::default(),
             monitor: LinkMonitor::new(timing),
-            beat: Beat::new(FRAME_LEN as u8, line, FRAMES_EVERY),
+            gaps: GapDetector::new(FRAME_LEN as u8, line, FRAMES_EVERY),
             outbox: Outbox::default(),
             state: DebouncedState::new(),
             order: Order::Listen,
             service: None,
-            sign: None,
+            observation: None,
             next_slot: None,
         }
     }
@@ -89,7 +90,7 @@ impl Link for ToyLink {
     }
     fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
         let (taken, frame) = self.decoder.feed(bytes);
-        self.beat.bytes(now, taken);
+        self.gaps.bytes(now, taken);
         if let Some(frame) = frame {
             self.frame(now, frame);
         }
@@ -147,18 +148,18 @@ impl Link for ToyLink {
         let wait = Output::Wait(earlier(self.next_slot, self.monitor.deadline()));
         self.outbox.poll(&mut self.status).unwrap_or(wait)
     }
-    fn take_sign(&mut self) -> Option<Sign> {
-        self.sign.take()
+    fn take_observation(&mut self) -> Option<Observation> {
+        self.observation.take()
     }
     fn release(&mut self, released: bool) {
-        self.beat.bridge(released);
+        self.gaps.bridge(released);
     }
 
     fn gap_at(&self) -> Option<Instant> {
-        self.beat.gap_at()
+        self.gaps.gap_at()
     }
     fn gap(&mut self) {
-        self.beat.gap();
+        self.gaps.gap();
     }
     fn answers_frames(&self) -> bool {
         false
