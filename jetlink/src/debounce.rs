@@ -4,6 +4,7 @@
 //! The results are reported to people and used by interlocks. The values that decide about the life of a running engine
 //! are raw ([`Observation`](crate::link::Observation)) and debounced where they are judged (`engine/life.rs`).
 
+use crate::consecutive::Consecutive;
 use crate::ecu::Faults;
 use crate::event::Event;
 use crate::link::Outbox;
@@ -16,12 +17,12 @@ pub(crate) struct Debounced<T> {
     value: Option<T>,
     candidate: Option<T>,
     /// Consecutive frames with the candidate.
-    agree: u8,
+    agreeing: Consecutive,
 }
 
 impl<T: Copy + PartialEq> Debounced<T> {
     pub const fn new(value: Option<T>) -> Self {
-        Self { value, candidate: None, agree: 0 }
+        Self { value, candidate: None, agreeing: Consecutive::NONE }
     }
 
     pub const fn get(&self) -> Option<T> {
@@ -38,9 +39,9 @@ impl<T: Copy + PartialEq> Debounced<T> {
         if self.value == Some(seen) {
             self.candidate = None;
         } else {
-            self.agree = if self.candidate == Some(seen) { self.agree.saturating_add(1) } else { 1 };
+            self.agreeing.count_with_last(self.candidate == Some(seen));
             self.candidate = Some(seen);
-            if self.agree >= frames {
+            if self.agreeing.reached(frames) {
                 self.set(seen);
             }
         }

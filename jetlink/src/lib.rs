@@ -83,6 +83,7 @@
 #![deny(missing_docs, missing_debug_implementations)]
 
 mod codes;
+mod consecutive;
 mod debounce;
 mod mistake;
 mod sentence;

@@ -5,6 +5,7 @@
 //! outputs, so nothing allocates and nothing is lost.
 
 use crate::command::{Order, Rejected};
+use crate::consecutive::Consecutive;
 use crate::ecu::Service;
 use crate::event::Event;
 use crate::line::{Line, LineError, Timing};
@@ -312,14 +313,14 @@ pub struct LinkStatus {
 #[derive(Clone, Copy, Debug)]
 pub struct LinkMonitor {
     timing: Timing,
-    frames_in_a_row: u8,
+    frames: Consecutive,
     silent_at: Option<Instant>,
 }
 
 impl LinkMonitor {
     /// Nothing received yet.
     pub const fn new(timing: Timing) -> Self {
-        Self { timing, frames_in_a_row: 0, silent_at: None }
+        Self { timing, frames: Consecutive::NONE, silent_at: None }
     }
 
     /// Begins the conversation.
@@ -336,8 +337,8 @@ impl LinkMonitor {
     pub fn frame(&mut self, now: Instant, status: &mut LinkStatus) -> bool {
         status.last_rx = Some(now);
         self.silent_at = Some(now + self.timing.lost_after);
-        self.frames_in_a_row = self.frames_in_a_row.saturating_add(1);
-        let up = status.state != LinkState::Up && self.frames_in_a_row >= self.timing.up_after;
+        self.frames.count(true);
+        let up = status.state != LinkState::Up && self.frames.reached(self.timing.up_after);
         if up {
             status.state = LinkState::Up;
             status.up_since = Some(now);
@@ -351,7 +352,7 @@ impl LinkMonitor {
             return false;
         }
         self.silent_at = None;
-        self.frames_in_a_row = 0;
+        self.frames.reset();
         status.up_since = None;
         core::mem::replace(&mut status.state, LinkState::Lost) != LinkState::Lost
     }

@@ -17,6 +17,8 @@ mod codes;
 pub mod command;
 #[path = "../../jetlink/src/config.rs"]
 pub mod config;
+#[path = "../../jetlink/src/consecutive.rs"]
+mod consecutive;
 #[path = "../../jetlink/src/debounce.rs"]
 mod debounce;
 pub mod ecu;

@@ -1,5 +1,6 @@
 //! Detects combustion by the exhaust temperature, the only evidence while an ECU sends faults instead of a state (AMT-8).
 
+use crate::consecutive::Consecutive;
 use crate::units::Celsius;
 use embassy_time::{Duration, Instant};
 
@@ -55,11 +56,11 @@ pub(super) struct Exhaust {
     limit: Celsius,
     state: Burning,
     last: Option<(Instant, Celsius)>,
-    above: u8,
-    below: u8,
+    above: Consecutive,
+    below: Consecutive,
     /// Time and value at the beginning of the interval.
     mark: Option<(Instant, Celsius)>,
-    falling: u8,
+    falling: Consecutive,
     /// It fell by at least 4 °C/s in the last interval.
     cools: bool,
     /// Time for which lower demands have excused a fall, and the last time that was looked at.
@@ -80,10 +81,10 @@ impl Exhaust {
             limit,
             state: Burning::NotKnown,
             last: None,
-            above: 0,
-            below: 0,
+            above: Consecutive::NONE,
+            below: Consecutive::NONE,
             mark: None,
-            falling: 0,
+            falling: Consecutive::NONE,
             cools: false,
             excused: Duration::from_ticks(0),
             seen: None,
@@ -97,7 +98,7 @@ impl Exhaust {
 
     /// Frames were missing: what burned before may have gone out since, and two values have to show that it burns.
     pub fn gap(&mut self) {
-        self.above = 0;
+        self.above.reset();
         if self.state == Burning::Yes {
             self.state = Burning::NotKnown;
         }
@@ -131,19 +132,19 @@ impl Exhaust {
         }
         self.observe_fall(now, egt, commanded);
         let hot = egt > self.limit;
-        self.above = if hot { self.above.saturating_add(1) } else { 0 };
-        self.below = if hot { 0 } else { self.below.saturating_add(1) };
-        self.distrusted &= self.above < AGREEING;
+        self.above.count(hot);
+        self.below.count(!hot);
+        self.distrusted &= !self.above.reached(AGREEING);
         if self.distrusted {
             self.state = Burning::NotReadable;
-        } else if (self.below >= AGREEING || self.falling >= FALLING_FOR) && !commanded {
+        } else if (self.below.reached(AGREEING) || self.falling.reached(FALLING_FOR)) && !commanded {
             self.state = Burning::No;
-        } else if self.cools || self.below >= AGREEING {
+        } else if self.cools || self.below.reached(AGREEING) {
             // A fall leaves combustion uncertain, but does not disprove it yet.
             if self.state == Burning::Yes {
                 self.state = Burning::NotKnown;
             }
-        } else if self.above >= AGREEING {
+        } else if self.above.reached(AGREEING) {
             self.state = Burning::Yes;
         }
     }
@@ -160,8 +161,7 @@ impl Exhaust {
         let fall = (i32::from(from.tenths()) - i32::from(egt.tenths())).saturating_mul(1000);
         let millis = i32::try_from(elapsed.as_millis()).unwrap_or(i32::MAX).max(1);
         self.cools = fall / millis >= COOLS && !commanded;
-        let falls = fall / millis >= FALL && !commanded;
-        self.falling = if falls { self.falling.saturating_add(1) } else { 0 };
+        self.falling.count(fall / millis >= FALL && !commanded);
         self.mark = Some((now, egt));
     }
 

@@ -7,6 +7,7 @@
 
 use super::exhaust::Burning;
 use crate::command::Origin;
+use crate::consecutive::Consecutive;
 use crate::event::End;
 use crate::link::{Observation, Stage};
 use crate::units::Throttle;
@@ -52,10 +53,10 @@ struct Doubt {
     /// Since then the exhaust of an ECU that sends only faults was that of a burning engine.
     burned: bool,
     /// Sets that were not to be answered (AMT): 1 if the last one with a state was not; consecutive reports of rest or start
-    /// clearance, with which no engine runs, are counted up to [`AGREEING`].
-    withheld: u8,
-    confirming: u8,
-    ending: u8,
+    /// clearance, with which no engine runs, are counted.
+    withheld: Consecutive,
+    confirming: Consecutive,
+    ending: Consecutive,
 }
 
 impl Doubt {
@@ -68,10 +69,16 @@ impl Doubt {
             cause: Cause::Report,
             faults: false,
             burned: false,
-            withheld: 0,
-            confirming: 0,
-            ending: 0,
+            withheld: Consecutive::NONE,
+            confirming: Consecutive::NONE,
+            ending: Consecutive::NONE,
         }
+    }
+
+    /// Consecutive reports that agree have to begin again.
+    const fn contradict(&mut self) {
+        self.confirming.reset();
+        self.ending.reset();
     }
 
     /// The ECU may have restarted since the last report that fitted.
@@ -105,7 +112,7 @@ pub(super) struct Life {
     /// Time since which the ECU has reported its own restart (state 13 of ZK). It has the timeout of a start.
     restarting: Option<Instant>,
     /// Error sets since the last frame with a state.
-    faulted: u8,
+    faulted: Consecutive,
     /// The last frame may be answered with the order in force (AMT).
     answers: bool,
     /// The engine ran in this life. After a reset with a hand-over to PWM in force that may not be known.
@@ -120,7 +127,7 @@ impl Life {
             candidate: None,
             doubt: None,
             restarting: None,
-            faulted: 0,
+            faulted: Consecutive::NONE,
             answers: true,
             ran: false,
         }
@@ -220,8 +227,9 @@ impl Life {
         if self.progress == Progress::Ordered {
             return Some(End::GapInStart);
         }
-        let doubt = self.doubt.unwrap_or(Doubt::new(now));
-        self.doubt = Some(Doubt { cause: Cause::Gap, confirming: 0, ending: 0, ..doubt });
+        let doubt = self.doubt.get_or_insert(Doubt::new(now));
+        doubt.cause = Cause::Gap;
+        doubt.contradict();
         None
     }
 
@@ -248,16 +256,16 @@ impl Life {
             }
             Fit::Doubtful => {
                 let doubt = self.raise(now);
-                doubt.confirming = 0;
+                doubt.confirming.reset();
                 // A slowing shaft supports an end that another report has begun; it ends no life alone.
-                doubt.ending = if doubt.ending > 0 { doubt.ending + 1 } else { 0 };
-                (doubt.ending >= AGREEING).then_some(End::AtRest)
+                doubt.ending.count(doubt.ending.reached(1));
+                doubt.ending.reached(AGREEING).then_some(End::AtRest)
             }
             Fit::Ends(end) => {
                 let doubt = self.raise(now);
-                doubt.confirming = 0;
-                doubt.ending += 1;
-                (doubt.ending >= AGREEING).then_some(end)
+                doubt.confirming.reset();
+                doubt.ending.count(true);
+                doubt.ending.reached(AGREEING).then_some(end)
             }
         };
         self.restarting = match observation {
@@ -269,22 +277,23 @@ impl Life {
         let end = end.or_else(|| self.fault_end(exhaust));
         self.answers = end.is_none() && self.may_answer(observation, fit, exhaust);
         if let Some(doubt) = &mut self.doubt {
-            doubt.withheld = match observation {
-                Observation::State { stage, .. } if stage <= Stage::Clearance => {
-                    AGREEING.min(doubt.withheld + 1)
+            match observation {
+                Observation::State { stage, .. } if stage <= Stage::Clearance => doubt.withheld.count(true),
+                Observation::State { .. } => {
+                    doubt.withheld.reset();
+                    doubt.withheld.count(!self.answers);
                 }
-                Observation::State { .. } => u8::from(!self.answers),
                 // One report between error sets may be odd.
-                Observation::Faulted { .. } => doubt.withheld & AGREEING,
-                _ => doubt.withheld,
-            };
+                Observation::Faulted { .. } if !doubt.withheld.reached(AGREEING) => doubt.withheld.reset(),
+                _ => {}
+            }
         }
         end
     }
 
     /// Whether the ECU sends faults instead of a state.
     const fn only_faults(&self) -> bool {
-        self.faulted >= AGREEING
+        self.faulted.reached(AGREEING)
     }
 
     /// With faults instead of a state only the exhaust temperature shows a running engine. A start ends: the ECU could start
@@ -364,8 +373,8 @@ impl Life {
     const fn contradict(&mut self, observation: Observation, exhaust: Burning) {
         let Some(doubt) = &mut self.doubt else { return };
         match (observation, exhaust) {
-            (Observation::State { .. }, _) => (doubt.confirming, doubt.ending) = (0, 0),
-            (Observation::Faulted { .. }, Burning::Yes) => doubt.ending = 0,
+            (Observation::State { .. }, _) => doubt.contradict(),
+            (Observation::Faulted { .. }, Burning::Yes) => doubt.ending.reset(),
             _ => {}
         }
     }
@@ -373,9 +382,9 @@ impl Life {
     fn confirm(&mut self) {
         let agrees = match &mut self.doubt {
             Some(doubt) => {
-                doubt.ending = 0;
-                doubt.confirming += 1;
-                doubt.confirming >= AGREEING
+                doubt.ending.reset();
+                doubt.confirming.count(true);
+                doubt.confirming.reached(AGREEING)
             }
             None => self.candidate == Some(Stage::Running),
         };
@@ -396,7 +405,7 @@ impl Life {
     fn count_faults(&mut self, now: Instant, observation: Observation, exhaust: Burning) {
         match observation {
             Observation::Faulted { .. } => {
-                self.faulted = self.faulted.saturating_add(1);
+                self.faulted.count(true);
                 if self.only_faults() && self.reached() {
                     let doubt = self.raise(now);
                     doubt.faults = true;
@@ -411,7 +420,7 @@ impl Life {
                 {
                     doubt.since = now;
                 }
-                self.faulted = 0;
+                self.faulted.reset();
             }
             _ => {}
         }
@@ -429,11 +438,11 @@ impl Life {
                     && (!doubt.faults || stage == Stage::Running)
             }
             // Damaged values are no gap: without replies during a second of noise the ECU would stop the engine.
-            Observation::Damaged => !doubt.after_gap() && doubt.withheld < AGREEING,
+            Observation::Damaged => !doubt.after_gap() && !doubt.withheld.reached(AGREEING),
             // It adds nothing to the last set that had a state.
-            Observation::Stateless => !doubt.after_gap() && doubt.withheld == 0,
+            Observation::Stateless => !doubt.after_gap() && !doubt.withheld.reached(1),
             // The ECU has reported that its engine does not run, and its exhaust may be hot yet.
-            Observation::Faulted { .. } if doubt.withheld >= AGREEING => false,
+            Observation::Faulted { .. } if doubt.withheld.reached(AGREEING) => false,
             Observation::Faulted { .. } => match (doubt.cause, exhaust) {
                 (_, Burning::Yes) => true,
                 (_, Burning::No) => false,
@@ -468,8 +477,8 @@ pub(super) struct Finding {
     given_up: bool,
     /// Time since an unfinished start, according to the record.
     pub started: Option<Duration>,
-    alive: u8,
-    ending: u8,
+    alive: Consecutive,
+    ending: Consecutive,
     throttle: Option<Throttle>,
 }
 
@@ -498,8 +507,8 @@ impl Finding {
             ran,
             given_up: false,
             started: None,
-            alive: 0,
-            ending: 0,
+            alive: Consecutive::NONE,
+            ending: Consecutive::NONE,
             throttle: None,
         }
     }
@@ -538,7 +547,8 @@ impl Finding {
 
     /// Discards earlier reports, after a gap in reception.
     pub const fn gap(&mut self) {
-        (self.alive, self.ending) = (0, 0);
+        self.alive.reset();
+        self.ending.reset();
     }
 
     /// Takes one frame. `answers`: the ECU waits for replies (AMT), and a set with an unnamed state counts as running if its
@@ -565,12 +575,13 @@ impl Finding {
                     (a, b) => a == b,
                 };
                 self.throttle = throttle;
-                self.alive = match alive {
-                    true if same => self.alive.saturating_add(1),
-                    alive => alive.into(),
-                };
-                self.ending = if ends { self.ending.saturating_add(1) } else { 0 };
-                match (self.alive >= AGREEING, self.ending >= AGREEING) {
+                if alive {
+                    self.alive.count_with_last(same);
+                } else {
+                    self.alive.reset();
+                }
+                self.ending.count(ends);
+                match (self.alive.reached(AGREEING), self.ending.reached(AGREEING)) {
                     (true, _) => Found::Running,
                     (_, true) => Found::NotRunning,
                     _ => Found::Nothing,

@@ -5,13 +5,15 @@
 //! the limit is violated.
 
 use super::config::Limits;
-use crate::limit::Action;
-use crate::limit::{LimitKind, LimitViolation};
+use crate::consecutive::Consecutive;
+use crate::limit::{Action, LimitKind, LimitViolation};
 use crate::report::{Phase, Report, Timed};
 use crate::units::{Celsius, Millivolts, Rpm};
 use embassy_time::{Duration, Instant};
 use heapless::Deque;
 
+/// Consecutive values beyond a limit that violate it.
+const AGREEING: u8 = 2;
 /// Time over which a loss of shaft speed is measured.
 const FLAME_OUT_OVER: Duration = Duration::from_secs(2);
 /// Grace period after a lower demand in which the shaft speed is expected to fall.
@@ -25,15 +27,15 @@ const SAMPLE: Duration = Duration::from_millis(240);
 
 /// State of one limit.
 #[derive(Clone, Copy, Debug)]
-struct Consecutive {
+struct LimitState {
     /// Consecutive values beyond the limit.
-    beyond: u8,
+    beyond: Consecutive,
     /// The limit and its action, while it is violated.
     violation: Option<(LimitKind, Action)>,
 }
 
-impl Consecutive {
-    const NEVER: Self = Self { beyond: 0, violation: None };
+impl LimitState {
+    const WITHIN: Self = Self { beyond: Consecutive::NONE, violation: None };
 
     /// Takes one value, with the violation that it is if it is beyond the limit. `found` gets the violation once, at the second
     /// consecutive value. Not inlined: every limit calls it.
@@ -46,11 +48,11 @@ impl Consecutive {
         found: &mut dyn FnMut(LimitViolation),
     ) {
         if !beyond {
-            *self = Self::NEVER;
+            *self = Self::WITHIN;
             return;
         }
-        self.beyond = self.beyond.saturating_add(1).min(3);
-        if self.beyond == 2 {
+        self.beyond.count(true);
+        if self.beyond.is(AGREEING) {
             self.violation = Some((violation.kind, action));
             found(violation);
         }
@@ -68,14 +70,14 @@ struct Sample {
 #[derive(Clone, Debug)]
 pub(super) struct LimitMonitor {
     limits: Limits,
-    over_speed: Consecutive,
-    over_temperature: Consecutive,
-    low_rpm: Consecutive,
-    hot_start: Consecutive,
-    flame_out: Consecutive,
-    supply_low: Consecutive,
-    implausible: Consecutive,
-    fault: Consecutive,
+    over_speed: LimitState,
+    over_temperature: LimitState,
+    low_rpm: LimitState,
+    hot_start: LimitState,
+    flame_out: LimitState,
+    supply_low: LimitState,
+    implausible: LimitState,
+    fault: LimitState,
     /// Fault of the last report, and its time.
     fault_before: Option<u8>,
     /// Fault of the last violation.
@@ -100,14 +102,14 @@ impl LimitMonitor {
     pub const fn new(limits: Limits) -> Self {
         Self {
             limits,
-            over_speed: Consecutive::NEVER,
-            over_temperature: Consecutive::NEVER,
-            low_rpm: Consecutive::NEVER,
-            hot_start: Consecutive::NEVER,
-            flame_out: Consecutive::NEVER,
-            supply_low: Consecutive::NEVER,
-            implausible: Consecutive::NEVER,
-            fault: Consecutive::NEVER,
+            over_speed: LimitState::WITHIN,
+            over_temperature: LimitState::WITHIN,
+            low_rpm: LimitState::WITHIN,
+            hot_start: LimitState::WITHIN,
+            flame_out: LimitState::WITHIN,
+            supply_low: LimitState::WITHIN,
+            implausible: LimitState::WITHIN,
+            fault: LimitState::WITHIN,
             fault_before: None,
             fault_reported: 0,
             fault_seen: None,
@@ -188,7 +190,7 @@ impl LimitMonitor {
             let fault = (!faults.value.is_empty()).then(|| faults.value.number());
             // A different fault is reported again, after two consecutive reports of it.
             if core::mem::replace(&mut self.fault_before, fault) != fault {
-                self.fault.beyond = 0;
+                self.fault.beyond.reset();
             }
             let before = self.fault.violation.map(|_| self.fault_reported);
             let number = fault.unwrap_or_default();
@@ -269,7 +271,7 @@ impl LimitMonitor {
         let change = change(before);
         let violation = LimitViolation::new(LimitKind::Implausible, change, limit, now);
         self.implausible.observe(change > limit, violation, self.limits.implausible.action, found);
-        if change <= limit || self.implausible.beyond > 1 {
+        if change <= limit || self.implausible.beyond.reached(AGREEING) {
             self.plausible = Some(rpm);
         }
     }
