@@ -21,7 +21,7 @@ use embassy_time::{Duration, Instant};
 use heapless::Deque;
 
 /// Consecutive resets without a source after which an engine resumes at the fail-safe stage.
-pub(super) const RESETS_MAX: u8 = 3;
+pub(super) const RESETS_TO_FAIL_SAFE: u8 = 3;
 
 /// The order, with the state that ends with it.
 #[derive(Clone, Debug)]

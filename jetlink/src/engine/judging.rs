@@ -1,6 +1,6 @@
 //! What one frame says about the life of the engine, and the engine that is found running.
 
-use super::data::{Beginning, Engine, Mode, RESETS_MAX};
+use super::data::{Beginning, Engine, Mode, RESETS_TO_FAIL_SAFE};
 use super::exhaust::Fall;
 use super::life::{Finding, Found, Life};
 use super::run::Run;
@@ -147,6 +147,6 @@ impl Engine {
         let tenths = u64::from(reported.tenths()).saturating_sub(fallen);
         let throttle = u16::try_from(tenths).ok().and_then(|tenths| Throttle::from_tenths(tenths).ok());
         let safe = loss.throttle.min(reported);
-        if self.resets >= RESETS_MAX { safe } else { throttle.unwrap_or(reported).max(safe) }
+        if self.resets >= RESETS_TO_FAIL_SAFE { safe } else { throttle.unwrap_or(reported).max(safe) }
     }
 }

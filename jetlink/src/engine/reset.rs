@@ -3,7 +3,7 @@
 //! If the record has a run in force, the run resumes with its life in doubt: nothing is sent that could start an engine
 //! until two reports confirm that it runs. Otherwise no order is in force, and the reports of the ECU decide.
 
-use super::data::{Beginning, Engine, Mode, OpenPump, RESETS_MAX};
+use super::data::{Beginning, Engine, Mode, OpenPump, RESETS_TO_FAIL_SAFE};
 use super::life::{Finding, Life};
 use super::origins::Origins;
 use super::retained::{FALL_EXPECTED, RetainedState, STEADY};
@@ -95,7 +95,7 @@ impl Engine {
             Order::Run(demand) if retained.ran => {
                 let silent = retained.silent + RESET_TAKES;
                 let all_silent = retained.all_silent + RESET_TAKES;
-                let low = self.resets >= RESETS_MAX;
+                let low = self.resets >= RESETS_TO_FAIL_SAFE;
                 let lost = low || retained.loss >= LossStage::FailSafe;
                 // After consecutive resets without a command, the source gets no further timeout.
                 let counts_as_silent = if low { Duration::MAX } else { silent };

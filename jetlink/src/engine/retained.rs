@@ -26,7 +26,8 @@ const SILENCE_LOW: u32 = u32::BITS - DEMAND_BITS;
 /// Position of its higher bits, above the silence of one source and four bits of resets.
 const SILENCE_HIGH_AT: u32 = 20;
 const ALL_SILENCE_STEPS_MAX: u32 = (1 << (SILENCE_LOW + u32::BITS - SILENCE_HIGH_AT)) - 1;
-const RESETS_MAX: u32 = 15;
+/// Largest number of resets in its four bits.
+const RESETS_FIELD_MAX: u32 = 15;
 /// Time for which a fall is expected, above the four bits of the order. Rounded down, so that a loop of resets ends it.
 pub(super) const FALL_EXPECTED: ShortTime = ShortTime { step: Duration::from_millis(500), at: 4, max: 15 };
 /// Time for which a source has been received, above the three bits of the source. Rounded up, so that a source with one command
@@ -340,7 +341,7 @@ fn pack(record: &RetainedState, sequence: u32, fingerprint: u32) -> [u32; WORDS]
         | u32::from(record.link.bits()) << LINK_AT;
     let all_silent = steps(record.all_silent, SILENCE_STEP).min(ALL_SILENCE_STEPS_MAX);
     let silence = steps(record.silent, SILENCE_STEP).min(SILENCE_STEPS_MAX)
-        | u32::from(record.resets).min(RESETS_MAX) << 16
+        | u32::from(record.resets).min(RESETS_FIELD_MAX) << 16
         | all_silent >> SILENCE_LOW << SILENCE_HIGH_AT;
     // An engine is in a start, or it has reached running: one place for the time of either.
     let time = match record.ran {
@@ -389,7 +390,7 @@ fn unpack([_, _, flags, value, _, silence, arming, _]: [u32; WORDS]) -> Option<R
         link: LinkRecord::new(u8::try_from(flags >> LINK_AT).ok()?),
         silent: SILENCE_STEP * (silence & 0xFFFF),
         all_silent: SILENCE_STEP * all_silent,
-        resets: u8::try_from(silence >> 16 & RESETS_MAX).ok()?,
+        resets: u8::try_from(silence >> 16 & RESETS_FIELD_MAX).ok()?,
         arm_commanded: u8::try_from(arming & 0xFF).ok()?,
         must_disarm: u8::try_from(arming >> 8 & 0xFF).ok()?,
         starting: if ran { 0 } else { u16::try_from(time).ok()? },

@@ -1,6 +1,6 @@
 //! The steps from one mode to the next. Nothing else changes the mode; what decides is above.
 
-use super::data::{Beginning, Engine, Mode, RESETS_MAX};
+use super::data::{Beginning, Engine, Mode, RESETS_TO_FAIL_SAFE};
 use super::life::{Finding, Life};
 use super::origins::Origins;
 use super::retained::RetainedState;
@@ -56,7 +56,7 @@ impl Engine {
         };
         let (limited, stage, (carried, all_carried), resumed_low) = match beginning {
             Beginning::Reset(record) => {
-                let low = record.resets >= RESETS_MAX;
+                let low = record.resets >= RESETS_TO_FAIL_SAFE;
                 let stage = if low { record.loss.max(LossStage::FailSafe) } else { record.loss };
                 (record.limited, stage, (record.silent, record.all_silent), low)
             }
