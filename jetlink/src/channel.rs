@@ -7,11 +7,10 @@
 use crate::command::{Accepted, Command, Demand, Origin, Rejected};
 use crate::config::{EngineConfig, LinkSettings, LinkSettingsError};
 use crate::engine::Engine;
-use crate::engine::config::Supervision;
+use crate::engine::config::{Supervision, SupervisionError};
 use crate::engine::retained::{Reset, RetainedMemory};
 use crate::event::Event;
 use crate::sentence::sentences;
-use crate::setting::SettingId;
 use crate::telemetry::Telemetry;
 use crate::units::{Hectopascals, Millivolts};
 use core::cell::RefCell;
@@ -326,8 +325,8 @@ impl Setup<'_> {
     /// ([`crate::setting::Effect::AtOnce`]).
     ///
     /// # Errors
-    /// The first setting that is out of its range ([`Supervision::row`]), with nothing changed.
-    pub fn configure(&self, supervision: &Supervision) -> Result<(), SettingId> {
+    /// The first setting that is out of its range, with nothing changed.
+    pub fn configure(&self, supervision: &Supervision) -> Result<(), SupervisionError> {
         let now = now();
         let done = self.channel.with(|engine| engine.configure(now, supervision));
         self.channel.wake.signal(());

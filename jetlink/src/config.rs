@@ -160,7 +160,7 @@ sentences!(LinkSettingsError {
     Self::OtherEcu => "another protocol or engine: build a new node for it";
 } {
     Self::Timing(id) => "{}", Timing::message(id);
-    Self::Ecu(mistake) => "{}", mistake.message();
+    Self::Ecu(mistake) => "{}", mistake;
 });
 
 impl core::error::Error for LinkSettingsError {}
@@ -233,8 +233,8 @@ pub const fn validate(engines: &[EngineConfig]) -> Result<(), ConfigError> {
         if let Err(setting) = engine.timing.check() {
             return Err(ConfigError::Timing(row, setting));
         }
-        if let Err(setting) = engine.supervision.validate() {
-            return Err(ConfigError::Supervision(row, setting));
+        if let Err(error) = engine.supervision.validate() {
+            return Err(ConfigError::Supervision(row, error.setting));
         }
         if let Err(mistake) = engine.ecu.check(engine.line) {
             return Err(ConfigError::Ecu(row, mistake));

@@ -62,7 +62,6 @@ impl Line {
 
 /// Error that the UART reports.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum LineError {
     /// Missing stop bit: a wrong baud rate, a broken or floating line.
     Framing,
@@ -98,6 +97,16 @@ impl Timing {
         }
     }
 }
+
+sentences!(LineError {
+    Self::Framing => "framing error: check the baud rate and the wiring";
+    Self::Noise => "noise on the line: check its ground and shield";
+    Self::Overrun => "overrun: bytes were read too late";
+    Self::Parity => "parity error: check the line's settings";
+    Self::Read => "the UART returned an error";
+});
+
+impl core::error::Error for LineError {}
 
 sentences!(Line {
 } {

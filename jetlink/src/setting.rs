@@ -351,7 +351,7 @@ pub const fn allows(value: i32, min: i32, max: i32, may_be_off: bool) -> bool {
 }
 
 /// A row of a table of settings, by its number. Errors carry this, so that a firmware that never prints them does not contain
-/// the texts of the table.
+/// the texts of the table. It has no text of its own: only the error knows which table it belongs to.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct SettingId(pub(crate) u8);

@@ -88,6 +88,18 @@ pub enum NotUsed {
     Protected,
 }
 
+impl core::fmt::Display for NotUsed {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Bus => f.write_str("the bus reports an error"),
+            Self::Unknown(id) => write!(f, "no known chip: it identifies itself as {id:02x?}"),
+            Self::Protected => f.write_str("the chip is write-protected: check its pin WP"),
+        }
+    }
+}
+
+impl core::error::Error for NotUsed {}
+
 /// Recognises the chip. One whose supply has just come on may need some time until it answers.
 ///
 /// # Errors

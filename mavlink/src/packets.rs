@@ -13,9 +13,17 @@ use embassy_sync::signal::Signal;
 /// another, empty if need be.
 pub const PACKET: usize = 64;
 
-/// The host has not configured the port, or does no longer.
+/// The host has not configured the port, or no longer does.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct NotConfigured;
+
+impl core::fmt::Display for NotConfigured {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str("the host has not configured the port")
+    }
+}
+
+impl core::error::Error for NotConfigured {}
 
 /// Packets from the host.
 pub trait ReadPacket {

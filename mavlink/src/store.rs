@@ -85,6 +85,17 @@ pub enum NotSaved {
     Failed,
 }
 
+impl core::fmt::Display for NotSaved {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(match self {
+            Self::Full => "no space without an erase: stop the engines first",
+            Self::Failed => "the memory does not take it",
+        })
+    }
+}
+
+impl core::error::Error for NotSaved {}
+
 /// A flash memory for [`Store`], two sectors from offset 0 on.
 ///
 /// A read may fail where a word is unreadable; then none of its bytes are used.

@@ -98,7 +98,6 @@ macro_rules! vendor_types {
 
         /// Mistake in the configuration of an ECU.
         #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         #[non_exhaustive]
         pub enum Mistake {
             $($(#[$doc])* $name($mistake),)+
@@ -173,6 +172,10 @@ macro_rules! vendor_types {
                 self.number() == 0
             }
         }
+
+        impl core::error::Error for Mistake {}
+
+        $crate::ecu::types::text_of_vendor!(Mistake { $($name)+ });
 
         $crate::ecu::types::text_of_vendor!(Service { $($name)+ });
 

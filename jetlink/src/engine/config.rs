@@ -2,6 +2,7 @@
 
 use crate::command::Origin;
 use crate::limit::{Action, Limit};
+use crate::sentence::sentences;
 use crate::setting::{
     self, Effect, Row, Setting, SettingError, SettingId, by_place, column, kind, rows, settings, symbol,
 };
@@ -340,7 +341,7 @@ impl Supervision {
     ///
     /// # Errors
     /// The first setting that is out of its range.
-    pub const fn validate(&self) -> Result<(), SettingId> {
+    pub const fn validate(&self) -> Result<(), SupervisionError> {
         let checks = self.checks();
         const LENGTHS: [u8; Supervision::TABLES] = {
             let mut lengths = [0; Supervision::TABLES];
@@ -354,7 +355,7 @@ impl Supervision {
         let (mut group, mut before) = (0, 0);
         while group < checks.len() {
             if let Err(row) = checks[group] {
-                return Err(SettingId(before + row));
+                return Err(SupervisionError { setting: SettingId(before + row) });
             }
             before += LENGTHS[group];
             group += 1;
@@ -399,5 +400,20 @@ impl Supervision {
         if self.change(name, number) { Ok(()) } else { Err(SettingError::Off(setting)) }
     }
 }
+
+/// A setting of the supervision is out of its range.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
+pub struct SupervisionError {
+    /// The setting; [`Supervision::row`] has its name and range.
+    pub setting: SettingId,
+}
+
+sentences!(SupervisionError {
+} {
+    error => "{}", Supervision::row(error.setting).message;
+});
+
+impl core::error::Error for SupervisionError {}
 
 const _: () = assert!(Supervision::DEFAULT.validate().is_ok(), "a default is out of its range");

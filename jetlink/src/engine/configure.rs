@@ -1,9 +1,8 @@
 //! Settings given to a running engine: those of the supervision at once, those of the link when the engine is at rest.
 
-use super::config::Supervision;
+use super::config::{Supervision, SupervisionError};
 use super::data::Engine;
 use crate::config::{LinkSettings, LinkSettingsError};
-use crate::setting::SettingId;
 use embassy_time::Instant;
 
 impl Engine {
@@ -11,7 +10,7 @@ impl Engine {
     ///
     /// # Errors
     /// The first setting that is out of its range, with nothing changed.
-    pub fn configure(&mut self, now: Instant, config: &Supervision) -> Result<(), SettingId> {
+    pub fn configure(&mut self, now: Instant, config: &Supervision) -> Result<(), SupervisionError> {
         config.validate()?;
         self.touch();
         self.config = *config;

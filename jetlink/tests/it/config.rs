@@ -552,7 +552,9 @@ fn settings_of_a_running_engine_can_be_changed() {
     assert_eq!(scenario.telemetry().loss, LossStage::None);
     settings.timeouts.rc = Duration::from_secs(61);
     let refused = scenario.bench.act(|engine, _| engine.configure(at_us(now), &settings));
-    assert_eq!(refused, Err(setting("SRC_RC_TOUT")));
+    let refused = refused.unwrap_err();
+    assert_eq!(refused.setting, setting("SRC_RC_TOUT"));
+    assert_eq!(refused.to_string(), Supervision::row(refused.setting).message);
     assert_eq!(Supervision::row(setting("SRC_RC_TOUT")).field, "timeouts.rc");
     scenario.pass_us(4 * SECOND);
     assert_eq!(scenario.telemetry().loss, LossStage::None);
@@ -705,4 +707,22 @@ fn docs_have_the_table_of_settings() {
         table += &format!("| `{}` | `{}` | {default} | {range} | {} |\n", row.name, row.field, row.text);
     }
     pages::compare(path, begin, end, &table);
+}
+
+/// What a program gets back as an error can be passed on with `?`, and tells a person what to do.
+#[test]
+fn every_error_of_settings_is_an_error_with_a_sentence() {
+    let mut supervision = Supervision::DEFAULT;
+    supervision.loss.hold = Duration::MAX;
+    let errors: [&dyn core::error::Error; 4] = [
+        &supervision.validate().unwrap_err(),
+        &Mistake::Zk(ZkMistake::RateTooFast),
+        &ZkMistake::RateTooFast,
+        &jetlink::line::LineError::Framing,
+    ];
+    let texts = errors.map(|error| error.to_string());
+    assert_eq!(texts[0], "loss.hold: 0 to 60000 ms");
+    assert_eq!(texts[1], ZkMistake::RateTooFast.message());
+    assert_eq!(texts[2], texts[1]);
+    assert_eq!(texts[3], "framing error: check the baud rate and the wiring");
 }

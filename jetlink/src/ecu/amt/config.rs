@@ -64,7 +64,6 @@ impl Config {
 
 /// Mistake in the configuration of an AMT ECU.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Mistake {
     /// The line has two stop bits (AMT-1).
@@ -85,6 +84,13 @@ impl Mistake {
         }
     }
 }
+
+sentences!(Mistake {
+} {
+    mistake => "{}", mistake.message();
+});
+
+impl core::error::Error for Mistake {}
 
 /// Service commands of an AMT ECU.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

@@ -34,7 +34,6 @@ impl Config {
 
 /// Mistake in the configuration of a ZK ECU.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Mistake {
     /// The status rate does not fit the line (ZK-11).
@@ -51,6 +50,13 @@ impl Mistake {
         }
     }
 }
+
+sentences!(Mistake {
+} {
+    mistake => "{}", mistake.message();
+});
+
+impl core::error::Error for Mistake {}
 
 /// Service commands of a ZK ECU.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

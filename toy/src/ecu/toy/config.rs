@@ -32,7 +32,6 @@ impl Config {
 
 /// Mistake in the configuration.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Mistake {
     /// This setting of [`Config::SETTINGS`] is out of its range.
     Setting(SettingId),
@@ -49,6 +48,13 @@ impl Mistake {
         }
     }
 }
+
+sentences!(Mistake {
+} {
+    mistake => "{}", mistake.message();
+});
+
+impl core::error::Error for Mistake {}
 
 /// Service commands.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
