@@ -358,7 +358,7 @@ fn a_failure_is_reported_again_after_a_reset() {
         let (mut right, right_ecu) = zk();
         right.port = 1;
         let memory: &'static [RetainedMemory] = Box::leak(Box::new([const { RetainedMemory::new() }; 2]));
-        let record = RetainedState { failed, ..RetainedState::new(Order::Standby, Origin::Node) };
+        let record = RetainedState::new(Order::Standby, Origin::Node).with(|state| state.failed = failed);
         memory[0].store(&record, left.fingerprint());
         let (rx_left, tx_left, plug_left) = wire(&left, left_ecu, 1);
         let (rx_right, tx_right, plug_right) = wire(&right, right_ecu, 2);

@@ -61,6 +61,7 @@ pub enum Command {
 
 /// Origin of a command.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum Origin {
     /// The node itself: at power-up, and in a stage of loss.
     Node,

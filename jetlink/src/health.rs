@@ -6,6 +6,7 @@ use core::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[repr(u8)]
+#[non_exhaustive]
 pub enum ClockSource {
     /// Not set.
     #[default]

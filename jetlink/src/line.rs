@@ -62,6 +62,7 @@ impl Line {
 
 /// Error that the UART reports.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum LineError {
     /// Missing stop bit: a wrong baud rate, a broken or floating line.
     Framing,

@@ -72,6 +72,7 @@ pub enum Output {
 /// Stage of an engine, as reported by one frame of its ECU. The order is that of a start.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum Stage {
     /// At rest: stopped, standby, cooling, a test of the ECU (ZK 0, 1, 12, 14 to 19; AMT 00000).
     Rest,
@@ -98,6 +99,7 @@ pub enum Stage {
 /// What one frame of an ECU shows about the life of its engine: raw, not debounced.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum Observation {
     /// The ECU was just powered up (AMT set-up set).
     PowerUp,
@@ -235,6 +237,7 @@ impl LinkRecord {
 /// Service frames that a link still has to send.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub struct ServiceFrames {
     /// A service command was not sent, or is not confirmed yet.
     pub command: bool,

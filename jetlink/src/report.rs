@@ -33,6 +33,7 @@ impl<T> Timed<T> {
 /// A byte whose scale depends on the ECU's version or engine.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub struct Reading {
     /// As received.
     pub raw: u8,
@@ -42,6 +43,7 @@ pub struct Reading {
 
 /// Phase of an engine as reported by its ECU, never as commanded.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum Phase {
     /// Off.
     Stopped,
@@ -84,6 +86,7 @@ pub struct EcuState {
 /// Switch position that the ECU reports.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum ReportedSwitch {
     /// Stop.
     Stop,

@@ -174,6 +174,7 @@ pub enum Effect {
 /// One row of the table of settings.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub struct Setting {
     /// Name, 16 characters at most: fit for a MAVLink parameter.
     pub name: &'static str,
@@ -203,6 +204,15 @@ pub struct Setting {
 }
 
 impl Setting {
+    /// For the macro. `texts`: field, text, symbol and message.
+    #[doc(hidden)]
+    pub const fn new(row: Row, name: &'static str, default: i32, texts: [&'static str; 4]) -> Self {
+        let Row { unit, min, max, may_be_off, effect, .. } = row;
+        let [field, text, symbol, message] = texts;
+        let parameter = row.is_parameter();
+        Self { name, field, unit, min, max, default, may_be_off, effect, parameter, symbol, text, message }
+    }
+
     /// Whether this number is within the range.
     pub const fn allows(&self, value: i32) -> bool {
         allows(value, self.min, self.max, self.may_be_off) && self.unit.has(value)
@@ -213,6 +223,7 @@ impl Setting {
 /// texts of the table.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub struct Row {
     /// Name, as of its [`Setting`]; empty: it is no parameter ([`Setting::parameter`]).
     pub name: &'static str,
@@ -229,6 +240,17 @@ pub struct Row {
 }
 
 impl Row {
+    /// A row; an empty name is no parameter. The macro [`settings`](crate::setting::settings) writes these.
+    pub const fn new(
+        name: &'static str,
+        unit: Unit,
+        [min, max]: [i32; 2],
+        may_be_off: bool,
+        effect: Effect,
+    ) -> Self {
+        Self { name, unit, min, max, may_be_off, effect }
+    }
+
     /// Whether it is offered as a parameter.
     pub const fn is_parameter(&self) -> bool {
         !self.name.is_empty()
@@ -601,35 +623,37 @@ macro_rules! settings {
             /// The rows of the table of settings with these defaults.
             #[doc(hidden)]
             pub const fn table(defaults: &Self) -> [$crate::setting::Setting; [$($name),*].len()] { [ $(
-                $crate::setting::Setting {
-                    name: {
+                $crate::setting::Setting::new(
+                    $crate::setting::Row::new(
+                        if $crate::column!(parameter $($column)*) { $name } else { "" },
+                        $crate::setting::kind::$kind::UNIT,
+                        [$min, $max],
+                        $crate::setting::kind::$kind::MAY_BE_OFF,
+                        $crate::column!(effect $effect $($column)*),
+                    ),
+                    {
                         const { assert!($name.len() <= 16, "a parameter's name has 16 characters at most") };
                         $name
                     },
-                    field: concat!($prefix, stringify!($field)),
-                    unit: $crate::setting::kind::$kind::UNIT,
-                    min: $min,
-                    max: $max,
-                    default: $crate::setting::kind::$kind::number(&defaults.$field),
-                    may_be_off: $crate::setting::kind::$kind::MAY_BE_OFF,
-                    effect: $crate::column!(effect $effect $($column)*),
-                    parameter: $crate::column!(parameter $($column)*),
-                    text: $text,
-                    symbol: $crate::symbol!($kind),
-                    message: concat!($prefix, stringify!($field), ": ", $min, " to ", $max, " ", $crate::symbol!($kind)),
-                },
+                    $crate::setting::kind::$kind::number(&defaults.$field),
+                    [
+                        concat!($prefix, stringify!($field)),
+                        $text,
+                        $crate::symbol!($kind),
+                        concat!($prefix, stringify!($field), ": ", $min, " to ", $max, " ", $crate::symbol!($kind)),
+                    ],
+                ),
             )* ] }
 
             /// The rows of the table of settings without their texts.
             pub const ROWS: &'static [$crate::setting::Row] = &[ $(
-                $crate::setting::Row {
-                    name: if $crate::column!(parameter $($column)*) { $name } else { "" },
-                    unit: $crate::setting::kind::$kind::UNIT,
-                    min: $min,
-                    max: $max,
-                    may_be_off: $crate::setting::kind::$kind::MAY_BE_OFF,
-                    effect: $crate::column!(effect $effect $($column)*),
-                },
+                $crate::setting::Row::new(
+                    if $crate::column!(parameter $($column)*) { $name } else { "" },
+                    $crate::setting::kind::$kind::UNIT,
+                    [$min, $max],
+                    $crate::setting::kind::$kind::MAY_BE_OFF,
+                    $crate::column!(effect $effect $($column)*),
+                ),
             )* ];
 
             /// The names of all of them.

@@ -12,19 +12,7 @@ use jetlink::telemetry::Telemetry;
 
 /// Lowest byte of `custom_mode` of an engine.
 pub const fn state_number(state: EngineState) -> u8 {
-    match state {
-        EngineState::Offline => 0,
-        EngineState::NotKnown => 1,
-        EngineState::Stopped => 2,
-        EngineState::Standby => 3,
-        EngineState::Cooling => 4,
-        EngineState::StartRequested => 5,
-        EngineState::Starting(_) => 6,
-        EngineState::Running => 7,
-        EngineState::ShuttingDown => 8,
-        EngineState::Service => 9,
-        EngineState::Fault => 10,
-    }
+    state.number()
 }
 
 /// Bits of `custom_mode` of an engine, above its state.

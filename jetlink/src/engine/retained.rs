@@ -42,6 +42,7 @@ const _: () = assert!(LINK_AT + LinkRecord::BITS == u32::BITS);
 /// Kind of the last reset of the node.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum Reset {
     /// Power was not interrupted: watchdog, software, pin.
     Warm,
@@ -53,6 +54,7 @@ pub enum Reset {
 /// Retained state of one engine.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub struct RetainedState {
     /// Order in force, also a latched emergency stop.
     pub order: Order,
@@ -119,6 +121,13 @@ impl RetainedState {
             arm_commanded: 0,
             must_disarm: 0,
         }
+    }
+
+    /// This state with changes.
+    #[must_use]
+    pub fn with(mut self, change: impl FnOnce(&mut Self)) -> Self {
+        change(&mut self);
+        self
     }
 
     /// Whether the engine neither ran nor started, and its pump was closed: then its port, its line and its ECU may be other ones from now on.

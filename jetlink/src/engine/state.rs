@@ -12,6 +12,7 @@ pub(super) fn current_phase(now: Instant, report: &Report) -> Option<Phase> {
 
 /// State of an engine.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum EngineState {
     /// Nothing is received from the ECU.
     Offline,
@@ -67,6 +68,23 @@ impl EngineState {
             Some(Phase::Cooling) => Self::Cooling,
             Some(Phase::Service) => Self::Service,
             Some(Phase::Unknown) | None => Self::NotKnown,
+        }
+    }
+
+    /// Number of the state for a protocol or a log; an existing one never changes.
+    pub const fn number(self) -> u8 {
+        match self {
+            Self::Offline => 0,
+            Self::NotKnown => 1,
+            Self::Stopped => 2,
+            Self::Standby => 3,
+            Self::Cooling => 4,
+            Self::StartRequested => 5,
+            Self::Starting(_) => 6,
+            Self::Running => 7,
+            Self::ShuttingDown => 8,
+            Self::Service => 9,
+            Self::Fault => 10,
         }
     }
 

@@ -295,10 +295,8 @@ fn a_lost_source_lowers_the_governors_throttle() {
 /// After a reset it continues at the throttle that the ECU obeys.
 #[test]
 fn the_governor_resumes_after_a_reset() {
-    let retained = jetlink::engine::retained::RetainedState {
-        armed: true,
-        ..jetlink::engine::retained::RetainedState::new(Order::Run(rpm(80_000)), Origin::Rc)
-    };
+    let retained = jetlink::engine::retained::RetainedState::new(Order::Run(rpm(80_000)), Origin::Rc)
+        .with(|state| state.armed = true);
     let mut scenario = Scenario::after_reset(Ecu::Amt, governed(|_| {}), Some(retained));
     scenario.values.rpm = Some(80_000);
     scenario.values.half_percents = 120;

@@ -271,7 +271,7 @@ fn a_stop_is_sent_while_the_node_listens() {
 // ---------------------------------------------------------------------------------------------
 
 fn record(order: Order, origin: Origin) -> Option<RetainedState> {
-    Some(RetainedState { armed: true, ..RetainedState::new(order, origin) })
+    Some(RetainedState::new(order, origin).with(|state| state.armed = true))
 }
 
 /// Of an engine that has reached running.
@@ -281,7 +281,7 @@ fn retained_run(demand: Demand) -> Option<RetainedState> {
 
 /// Of one that has not.
 fn start_cut_short() -> Option<RetainedState> {
-    retained_run(percent(0)).map(|retained| RetainedState { ran: false, ..retained })
+    retained_run(percent(0)).map(|retained| retained.with(|state| state.ran = false))
 }
 
 /// It listens first: ZK sends ID 0 and nothing else, AMT nothing, for as long as nothing is received. Only a standby that was
@@ -535,7 +535,12 @@ fn a_latched_stop_survives_a_reset() {
         // And what is retained of it is the same again, but for arming, which a stop ends, and one more reset.
         let retained = record(Order::EmergencyStop, Origin::Emergency);
         let scenario = Scenario::after_reset(ecu, ecu.config(), retained);
-        let again = retained.map(|retained| RetainedState { armed: false, resets: 1, ..retained });
+        let again = retained.map(|retained| {
+            retained.with(|state| {
+                state.armed = false;
+                state.resets = 1;
+            })
+        });
         assert_eq!(Some(scenario.bench.machine.record()), again);
     }
 }
@@ -574,11 +579,10 @@ fn silence_before_a_reset_counts_beyond_the_timeout_of_a_source() {
     for ecu in BOTH {
         for before in [0, 5 * SECOND] {
             let config = ecu.with(|s| s.timeouts.mavlink = micros(3 * SECOND));
-            let found = RetainedState {
-                ran: true,
-                all_silent: micros(before),
-                ..RetainedState::new(Order::Listen, Origin::Node)
-            };
+            let found = RetainedState::new(Order::Listen, Origin::Node).with(|state| {
+                state.ran = true;
+                state.all_silent = micros(before);
+            });
             let mut scenario = Scenario::after_reset(ecu, config, Some(found));
             let hold = config.supervision.loss.hold.as_micros();
             let counted = before.saturating_sub(3 * SECOND);
@@ -599,7 +603,10 @@ fn the_retained_order_is_the_one_in_force() {
         let mut scenario = Scenario::started(ecu, percent(60));
         scenario.fly_us(run(60), Origin::Rc, 4 * FRAME_PERIOD_US);
         let retained = scenario.bench.machine.record();
-        let order = RetainedState { arm_commanded: 0, link: LinkRecord::EMPTY, ..retained };
+        let order = retained.with(|state| {
+            state.arm_commanded = 0;
+            state.link = LinkRecord::EMPTY;
+        });
         assert_eq!(Some(order), retained_run(percent(60)));
         assert_eq!(retained.arm_commanded, 1 << 3, "RC, the fourth of all origins");
         scenario.pass_us(10 * SECOND);
@@ -615,8 +622,12 @@ fn the_retained_order_is_the_one_in_force() {
         let mut scenario = Scenario::after_reset(ecu, ecu.config(), retained_run(percent(60)));
         let again = scenario.bench.machine.record();
         assert_eq!(
-            Some(RetainedState { silent: micros(0), all_silent: micros(0), unconfirmed: micros(0), ..again }),
-            retained_run(percent(60)).map(|retained| RetainedState { resets: 1, ..retained })
+            Some(again.with(|state| {
+                state.silent = micros(0);
+                state.all_silent = micros(0);
+                state.unconfirmed = micros(0);
+            })),
+            retained_run(percent(60)).map(|retained| retained.with(|state| state.resets = 1))
         );
         scenario.command(Command::Disarm).unwrap();
         let record = scenario.bench.machine.record();

@@ -140,7 +140,7 @@ fn a_record_says_whether_its_engine_was_at_rest_to_one_that_does_not_know_the_en
     use jetlink::units::Throttle;
     let run = Order::Run(Demand::Throttle(Throttle::IDLE));
     let state = |order, change: fn(&mut RetainedState)| {
-        let mut state = RetainedState { ran: false, ..RetainedState::new(order, Origin::Bench) };
+        let mut state = RetainedState::new(order, Origin::Bench).with(|state| state.ran = false);
         change(&mut state);
         state
     };

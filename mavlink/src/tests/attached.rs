@@ -18,7 +18,7 @@ use std::string::{String, ToString};
 use std::vec::Vec;
 
 const fn row(name: &'static str, effect: Effect) -> Row {
-    Row { name, unit: Unit::Number, min: 0, max: 100, may_be_off: true, effect }
+    Row::new(name, Unit::Number, [0, 100], true, effect)
 }
 
 const ROWS: &[&[Row]] =

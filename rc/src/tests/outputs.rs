@@ -304,7 +304,7 @@ fn an_engine_that_the_node_itself_stops_in_doubt_is_judged_by_its_state_alone() 
 /// opens it before the engine is at rest, because its flame is out.
 #[test]
 fn a_valve_that_was_closed_for_failed_starts_stays_closed_until_the_engine_is_at_rest() {
-    let ran = RetainedState { ran: true, ..RetainedState::new(RUN, Origin::Rc) };
+    let ran = RetainedState::new(RUN, Origin::Rc).with(|state| state.ran = true);
     let mut outputs = Outputs::new(OutputSettings::DEFAULT, Some(ran), true);
     assert_eq!((outputs.valve(), outputs.power(), outputs.is_cut()), (Valve::Closed, true, true));
     assert_eq!(outputs.restored()[0], Change::Valve(Valve::Closed, Why::FailedStarts));
@@ -398,7 +398,10 @@ fn after_a_reset_the_valve_is_open_only_for_an_engine_that_ran_under_an_order_to
     for order in [Order::EmergencyStop, Order::Standby, RUN, Order::Pwm, Order::Listen, DOUBT] {
         for ran in [false, true] {
             for armed in [false, true] {
-                let record = RetainedState { ran, armed, ..RetainedState::new(order, Origin::Rc) };
+                let record = RetainedState::new(order, Origin::Rc).with(|state| {
+                    state.ran = ran;
+                    state.armed = armed;
+                });
                 let continues = ran && !matches!(order, Order::EmergencyStop | Order::Standby);
                 let valve = if continues { Valve::Open } else { Valve::Closed };
                 let power = armed || ran || order == Order::EmergencyStop;
@@ -506,7 +509,7 @@ fn odd_report_of_a_cold_exhaust_leaves_starter_and_ignition_their_power() {
 
 #[test]
 fn levels_follow_the_polarity_and_an_output_without_a_pin_is_not_driven() {
-    let run = RetainedState { armed: true, ..RetainedState::new(RUN, Origin::Rc) };
+    let run = RetainedState::new(RUN, Origin::Rc).with(|state| state.armed = true);
     for (record, on) in [(None, false), (Some(run), true)] {
         let outputs = Outputs::new(OutputSettings::DEFAULT, record, false);
         let levels = |config: OutputConfig| config.levels(&outputs).collect::<Vec<_>>();

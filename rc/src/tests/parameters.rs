@@ -149,7 +149,7 @@ fn outputs_and_their_changes_reach_mavlink_as_far_as_there_are_pins() {
     let mut parameters = Parameters::<2>::new(None, Some((&shared, [OutputSettings::DEFAULT; 2])));
     assert!(parameters.has_outputs() && parameters.channels(Instant::from_secs(1)).is_none());
     assert_eq!(parameters.outputs(0), attached::Outputs::default());
-    let ran = RetainedState { ran: true, ..RetainedState::new(RUN_AT_IDLE, Origin::Rc) };
+    let ran = RetainedState::new(RUN_AT_IDLE, Origin::Rc).with(|state| state.ran = true);
     let outputs = Outputs::new(OutputSettings::DEFAULT, Some(ran), false);
     let valve = OutputConfig::valve(OutputPin::high(0));
     shared.set(1, &valve, &outputs, outputs.restored());

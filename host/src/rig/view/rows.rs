@@ -134,7 +134,7 @@ fn brief(sample: &Sample) -> String {
     let name = |origin: Origin| match origin {
         Origin::Mavlink => "mav",
         Origin::Emergency => "emerg",
-        Origin::Node | Origin::Bench | Origin::Rc => origin.name(),
+        _ => origin.name(),
     };
     let source = name(sample.in_control);
     let holds = match (sample.order, sample.loss) {
@@ -166,9 +166,8 @@ pub fn state(sample: &Sample) -> Tone {
         EngineState::Starting(_) | EngineState::StartRequested | EngineState::Cooling => Tone::Busy,
         EngineState::ShuttingDown | EngineState::Service => Tone::Warn,
         EngineState::Fault => Tone::Bad,
-        EngineState::Offline | EngineState::NotKnown | EngineState::Stopped | EngineState::Standby => {
-            Tone::Quiet
-        }
+        // Offline, not known, stopped, standby.
+        _ => Tone::Quiet,
     }
 }
 

@@ -32,6 +32,7 @@ const TEXT: usize = 5;
 
 closed_enum! {
     /// An AMT engine. It gives telemetry its scale.
+    #[non_exhaustive]
     pub enum EngineModel {
         /// Mercury.
         Mercury => "mercury",
@@ -168,6 +169,7 @@ pub struct Control {
 
 /// Reason why five bytes are not a control message.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum ControlError {
     /// The first byte is not 0xFF.
     Leader(u8),
@@ -533,6 +535,7 @@ impl Frame {
 /// Counters of a decoder. All wrap.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub struct DecoderCounters {
     /// Frames, the unknown ones included.
     pub frames: u32,

@@ -140,12 +140,11 @@ fn counts_without_an_order_continue_over_a_second_reset() {
 fn counts_without_an_order_end_when_a_source_is_received() {
     for ecu in BOTH {
         let silence = Duration::from_secs(5);
-        let last = RetainedState {
-            resets: 2,
-            silent: silence,
-            all_silent: silence,
-            ..record(&flying(ecu)).without_start()
-        };
+        let last = record(&flying(ecu)).without_start().with(|state| {
+            state.resets = 2;
+            state.silent = silence;
+            state.all_silent = silence;
+        });
         for received in [false, true] {
             let mut after = Scenario::after_reset(ecu, ecu.config(), Some(last));
             after.silent().pass_us(SECOND);

@@ -4,7 +4,7 @@ use super::*;
 use jetlink::link::LinkRecord;
 
 fn retained(order: Order) -> RetainedState {
-    RetainedState { armed: true, ..RetainedState::new(order, Origin::Rc) }
+    RetainedState::new(order, Origin::Rc).with(|state| state.armed = true)
 }
 
 /// What a record leaves after a loss of power, and of another engine: nothing that could start or raise.
@@ -22,13 +22,12 @@ fn a_record_after_a_loss_of_power_starts_and_raises_nothing() {
             (Order::EmergencyStop, false, Order::EmergencyStop),
             (Order::Listen, true, Order::Listen),
         ] {
-            let record = RetainedState {
-                ran,
-                link: LinkRecord::new(1),
-                pump_open: true,
-                limited: true,
-                ..retained(order)
-            };
+            let record = retained(order).with(|state| {
+                state.ran = ran;
+                state.link = LinkRecord::new(1);
+                state.pump_open = true;
+                state.limited = true;
+            });
             let memory = RetainedMemory::new();
             memory.store(&record, ours);
             assert_eq!(memory.load(ours, Reset::Warm), Some(record), "{order:?}: the control");
@@ -164,7 +163,7 @@ fn amt_8_after_a_loss_of_power_a_burning_engine_that_ran_resumes() {
     {
         let memory = RetainedMemory::new();
         let config = Ecu::Amt.config();
-        memory.store(&RetainedState { ran, ..retained(Order::Run(percent(90))) }, config.fingerprint());
+        memory.store(&retained(Order::Run(percent(90))).with(|state| state.ran = ran), config.fingerprint());
         let record = memory.load(config.fingerprint(), Reset::PowerLost);
         let mut scenario = Scenario::after_reset(Ecu::Amt, config, record);
         scenario.values = Values { egt_celsius: egt, fault: 1, half_percents: 120, ..scenario.values };
@@ -192,7 +191,7 @@ fn amt_8_after_a_reset_a_slow_fall_of_a_burning_exhaust_costs_no_reply() {
         for (degrees_per_s, continues) in [(0, true), (8, true), (25, false)] {
             let config = Ecu::Amt.config();
             let memory = RetainedMemory::new();
-            let record = RetainedState { ran: true, ..retained(Order::Run(percent(60))) };
+            let record = retained(Order::Run(percent(60))).with(|state| state.ran = true);
             memory.store(&record, config.fingerprint());
             let reset = if with_record { Reset::Warm } else { Reset::PowerLost };
             let mut scenario =

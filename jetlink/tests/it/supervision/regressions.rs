@@ -97,14 +97,14 @@ fn at_the_fail_safe_of_a_limit_a_lower_demand_counts() {
 fn a_command_before_the_engine_begins_does_not_release_a_retained_stop() {
     let memory: &'static RetainedMemory = Box::leak(Box::new(RetainedMemory::new()));
     let config = EngineConfig::amt("a", 0, Line::new(2400), None);
-    let stored = RetainedState { armed: true, ..RetainedState::new(Order::EmergencyStop, Origin::Rc) };
+    let stored = RetainedState::new(Order::EmergencyStop, Origin::Rc).with(|state| state.armed = true);
     memory.store(&stored, config.fingerprint());
     let channel = Channel::new(&config, Some((memory, Reset::Warm)));
     let owner = channel.owner();
     assert_eq!(owner.source(Origin::Bench).unwrap().command(Command::Disarm), Ok(Accepted::InForce));
     assert_eq!(owner.emergency_source().unwrap().command(Command::ReleaseStop), Err(Rejected::NoLink));
     // It counts as one more reset without a source.
-    let retained = RetainedState { resets: 1, ..RetainedState::new(Order::EmergencyStop, Origin::Rc) };
+    let retained = RetainedState::new(Order::EmergencyStop, Origin::Rc).with(|state| state.resets = 1);
     assert_eq!(memory.load(config.fingerprint(), Reset::Warm), Some(retained));
 }
 
@@ -182,7 +182,7 @@ fn a_command_in_doubt_after_a_reset_overrides_the_retained_demand() {
     for ecu in BOTH {
         let retained = || {
             let retained =
-                RetainedState { armed: true, ..RetainedState::new(Order::Run(percent(33)), Origin::Mavlink) };
+                RetainedState::new(Order::Run(percent(33)), Origin::Mavlink).with(|state| state.armed = true);
             let mut scenario = Scenario::after_reset(ecu, ecu.config(), Some(retained));
             scenario.introduce();
             assert_eq!(scenario.order(), Order::Doubt(percent(33)), "{ecu:?}: nothing is confirmed yet");

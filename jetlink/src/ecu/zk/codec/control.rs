@@ -22,6 +22,7 @@ closed_enum! {
 
 closed_enum! {
     /// The parameters of control ID 2.
+    #[non_exhaustive]
     pub enum Action {
         /// 1: drain ("drain oil"): the pump runs, fuel flows.
         Drain = 1,
@@ -144,6 +145,7 @@ impl RpmCode {
 /// A control frame, host to ECU (ZK-2).
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum Control {
     /// ID 0: commands nothing, keeps the connection alive.
     KeepAlive,
@@ -177,6 +179,7 @@ pub enum Control {
 
 /// Reason why four bytes are not a control frame.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum ControlError {
     /// The first byte is not 0xFF.
     Head(u8),

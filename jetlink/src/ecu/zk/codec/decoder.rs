@@ -11,6 +11,7 @@ const STATUS_IDS: RangeInclusive<u8> = 1..=9;
 /// Counters of a decoder. All wrap.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub struct DecoderCounters {
     /// Frames, including unknown ones.
     pub frames: u32,

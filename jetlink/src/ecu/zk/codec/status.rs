@@ -217,6 +217,7 @@ pub enum Status {
 /// All of ID 8 but the idle rpm.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub struct IdleDetails {
     /// ESR: the ECU requests the atmospheric pressure.
     pub pressure_requested: bool,
