@@ -709,7 +709,7 @@ fn docs_have_the_table_of_settings() {
     pages::compare(path, begin, end, &table);
 }
 
-/// What a program gets back as an error can be passed on with `?`, and tells a person what to do.
+/// An error of a setting can be passed on with `?`, and its text says what to do.
 #[test]
 fn every_error_of_settings_is_an_error_with_a_sentence() {
     let mut supervision = Supervision::DEFAULT;
