@@ -436,13 +436,14 @@ impl Engine {
         match self.link.speed_control() {
             Err(why) => {
                 // An ECU that came back has not reported its version yet: an rpm in force stays allowed.
-                let in_force = matches!(&self.mode, Mode::Run(Run { demand: Demand::Rpm(_), life, .. }) if life.reached());
+                let in_force =
+                    matches!(&self.mode, Mode::Run(run) if run.demand.is_rpm() && run.life.reached());
                 if in_force && matches!(why, Rejected::NeedsVersion { known: None, .. }) {
                     return Ok(());
                 }
                 let Some(governor) = self.config.governor else { return Err(why) };
                 // A governor in use handles old speeds itself: they must not cost the source its control.
-                let at_work = matches!(&self.mode, Mode::Run(Run { demand: Demand::Rpm(_), .. }));
+                let at_work = matches!(&self.mode, Mode::Run(run) if run.demand.is_rpm());
                 let known = self.link.status().report.rpm.is_some_and(|rpm| rpm.age(now) <= governor.max_age);
                 if at_work || known { Ok(()) } else { Err(Rejected::RpmNotKnown) }
             }

@@ -30,7 +30,7 @@ impl Engine {
                 if let Mode::Run(run) = &mut self.mode {
                     run.shaper.rise();
                     if core::mem::take(&mut run.resumed) {
-                        event = Event::Resumed(run.shaped);
+                        event = Event::Resumed(run.demand.shaped);
                     }
                 }
                 self.event(event);
@@ -57,9 +57,9 @@ impl Engine {
                         if let Mode::Run(run) = &mut self.mode {
                             // A reply is sent to an ECU that was just received.
                             if !self.link.answers_frames() {
-                                run.sent = run.received;
+                                run.demand.sent = run.demand.received;
                             }
-                            run.shaper.fall_back(now, run.sent);
+                            run.shaper.fall_back(now, run.demand.sent);
                         }
                     }
                 }

@@ -73,7 +73,7 @@ impl Engine {
             self.touch();
             self.pending_frame = Some(now);
             if let Mode::Run(run) = &mut self.mode {
-                run.received = run.sent;
+                run.demand.received = run.demand.sent;
             }
             self.judge(now, observation);
         }
@@ -94,7 +94,7 @@ impl Engine {
     pub fn sent(&mut self, now: Instant) {
         self.link.sent(now);
         if let Mode::Run(run) = &mut self.mode {
-            run.sent = run.handed_out.take().unwrap_or(run.sent);
+            run.demand.sent = run.demand.handed_out.take().unwrap_or(run.demand.sent);
         }
         self.touch();
         self.transmitter = None;
@@ -112,7 +112,7 @@ impl Engine {
         }
         // What has not reached the ECU must not jump when the transmitter works again.
         if let Mode::Run(run) = &mut self.mode {
-            run.shaper.fall_back(now, run.sent);
+            run.shaper.fall_back(now, run.demand.sent);
         }
         let since = *self.transmitter.get_or_insert(now);
         // A reply carries the order of the moment in which it is handed out, and that may be the next input.
@@ -149,7 +149,7 @@ impl Engine {
     pub fn poll(&mut self) -> Output {
         let output = self.link.poll();
         if let (Output::Transmit(transmission), Mode::Run(run)) = (&output, &mut self.mode) {
-            run.handed_out = transmission.has_demand().then_some(run.shaped);
+            run.demand.handed_out = transmission.has_demand().then_some(run.demand.shaped);
         }
         match output {
             Output::Wait(deadline) => match self.events.pop_front() {
@@ -258,7 +258,7 @@ impl Engine {
             obeyed: !self.not_obeyed,
             active_source,
             source_last_rx: self.sources.last_rx(active_source),
-            commanded: run.map(|run| run.demand),
+            commanded: run.map(|run| run.demand.commanded),
             waiting: run.and_then(|run| run.taking_over).map(|(origin, _)| origin),
             loss: run.map_or(ended, |run| run.stage),
             limited: run.is_some_and(|run| run.limited),

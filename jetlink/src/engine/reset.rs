@@ -174,11 +174,11 @@ impl Engine {
                 let silent = RetainedState::silence(self.silent(run), received);
                 let (all_silent, any_received) = match self.sources.last_command() {
                     Some(last) => (self.at.saturating_duration_since(last), true),
-                    None => (run.all_carried + self.at.saturating_duration_since(run.began), false),
+                    None => (run.carried.all_silent + self.at.saturating_duration_since(run.began), false),
                 };
                 let steady = self.sources.steady_for(self.at, run.in_control(), all_silent);
                 let all_silent = RetainedState::silence(all_silent, any_received);
-                let since = run.started_before + self.at.saturating_duration_since(run.began);
+                let since = run.carried.started + self.at.saturating_duration_since(run.began);
                 let starting = if ran { 0 } else { seconds(since) };
                 // Only an ECU that stops its engine without replies gives the time a meaning.
                 let unconfirmed = self.link.reply_timeout().and_then(|_| self.unconfirmed(&run.life));
@@ -223,8 +223,8 @@ impl Engine {
         if let Some(last) = run.taking_over.and_then(|(waits, _)| self.sources.last_commanded(waits)) {
             return since(last);
         }
-        if run.carried.as_ticks() > 0 {
-            return run.carried + since(run.began);
+        if run.carried.silent.as_ticks() > 0 {
+            return run.carried.silent + since(run.began);
         }
         match (run.silent_since(&self.config), self.sources.last_commanded(run.active_source)) {
             (Some(lost), _) => since(lost) + run.timeout(&self.config),
@@ -240,16 +240,16 @@ impl Engine {
         }
         // After a loss or a violated limit the reduced demand is retained: a reset must not restore the full one. The same
         // holds for a demand that was not reached yet because of the start, a slew or a take-over: a reset must not jump to it.
-        let behind = match (run.shaped, run.demand) {
+        let behind = match (run.demand.shaped, run.demand.commanded) {
             (Demand::Throttle(_), Demand::Throttle(_)) | (Demand::Rpm(_), Demand::Rpm(_)) => {
-                run.shaped.is_below(run.demand)
+                run.demand.shaped.is_below(run.demand.commanded)
             }
             // The governor turns an rpm into a throttle. Otherwise the commanded demand is of the other kind and not in force.
-            _ => run.own_speed_control || matches!(run.shaped, Demand::Rpm(_)),
+            _ => run.own_speed_control || matches!(run.demand.shaped, Demand::Rpm(_)),
         };
         let shaped = run.stage != LossStage::None || run.limited || behind;
-        let demand = if shaped { run.shaped } else { run.demand };
+        let demand = if shaped { run.demand.shaped } else { run.demand.commanded };
         // What was not sent yet has to be commanded again: after a reset a demand rises and does not jump.
-        Order::Run(if run.sent.is_below(demand) { run.sent } else { demand })
+        Order::Run(if run.demand.sent.is_below(demand) { run.demand.sent } else { demand })
     }
 }

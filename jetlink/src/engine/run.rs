@@ -20,22 +20,13 @@ const CONFIRMS_WITHIN: Duration = Duration::from_secs(2);
 pub(super) struct Run {
     /// Time of the order.
     pub began: Instant,
-    /// Duration of its start before a reset.
-    pub started_before: Duration,
     /// Life of the engine that this run belongs to.
     pub life: Life,
     /// Latest time to reach running.
     pub start_by: Option<Instant>,
     /// Source whose demand is in force.
     pub active_source: Origin,
-    /// That demand, before it is shaped.
-    pub demand: Demand,
-    /// The shaped demand: the latest, the last handed to the transmitter, and the last sent completely.
-    pub shaped: Demand,
-    pub handed_out: Option<Demand>,
-    pub sent: Demand,
-    /// The demand that was sent when the ECU was last received: of a later one it is not known whether it reached the ECU.
-    pub received: Demand,
+    pub demand: Demands,
     /// Another source that waits to take over, and the end of its wait.
     pub taking_over: Option<(Origin, Instant)>,
     /// The stream of commands with which the active source was last in control. Where it still comes, the source was not away.
@@ -43,11 +34,7 @@ pub(super) struct Run {
     /// Begin of the fail-safe stage, while no source is fresh.
     pub fail_safe_at: Option<Instant>,
     pub stage: LossStage,
-    /// Silence of the source in control from before the last reset, or the time since it was lost: a source that comes and goes
-    /// is not in control. It is over when a source is.
-    pub carried: Duration,
-    /// Silence of all sources from before the last reset.
-    pub all_carried: Duration,
+    pub carried: Carried,
     /// It continues after a reset, which is reported when its life is confirmed.
     pub resumed: bool,
     /// The ECU has its own speed control. The governor does not replace it while the version is unknown after a loss of the
@@ -62,6 +49,45 @@ pub(super) struct Run {
     pub lowered: Lowered,
     /// Next step of the shaped demand.
     pub next: Option<Instant>,
+}
+
+/// The demand on its way from the active source to the ECU.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Demands {
+    /// In force, before it is shaped.
+    pub commanded: Demand,
+    /// Shaped.
+    pub shaped: Demand,
+    /// Handed to the transmitter.
+    pub handed_out: Option<Demand>,
+    /// Sent completely.
+    pub sent: Demand,
+    /// Sent when the ECU was last received: of a later one it is not known whether it reached the ECU.
+    pub received: Demand,
+}
+
+impl Demands {
+    /// The ECU has this demand, until the run sends its own: idle, or what was in force before a reset.
+    pub const fn new(demand: Demand) -> Self {
+        Self { commanded: demand, shaped: demand, handed_out: None, sent: demand, received: demand }
+    }
+
+    /// Whether a shaft speed is commanded.
+    pub const fn is_rpm(&self) -> bool {
+        matches!(self.commanded, Demand::Rpm(_))
+    }
+}
+
+/// What a run carries over from before its order, or from before a reset of the node.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Carried {
+    /// Time since its start was ordered.
+    pub started: Duration,
+    /// Silence of the source in control, or the time since it was lost: a source that comes and goes is not in control. It is
+    /// over when a source is.
+    pub silent: Duration,
+    /// Silence of all sources.
+    pub all_silent: Duration,
 }
 
 /// Inputs of an arbitration.
@@ -106,8 +132,8 @@ impl Run {
                     }
                     (self.taking_over, self.fail_safe_at) = (None, None);
                     self.resumed_low = false;
-                    self.carried = Duration::from_ticks(0);
-                    self.demand = demand;
+                    self.carried.silent = Duration::from_ticks(0);
+                    self.demand.commanded = demand;
                     self.stage(LossStage::None, events);
                     return None;
                 }
@@ -118,12 +144,12 @@ impl Run {
                 };
                 self.taking_over = Some((origin, latest));
                 // A source that waits to take over is in control, and its silence from before a reset is over.
-                self.carried = Duration::from_ticks(0);
+                self.carried.silent = Duration::from_ticks(0);
                 // Consecutive resets would restart the wait each time.
                 if now >= latest || self.resumed_low || self.shaper.is_close(demand, &config.takeover) {
                     (self.taking_over, self.fail_safe_at) = (None, None);
                     self.resumed_low = false;
-                    self.demand = demand;
+                    self.demand.commanded = demand;
                     self.active_source = origin;
                     self.stream = stream;
                     self.shaper.rise();
@@ -166,7 +192,7 @@ impl Run {
     /// Begin of the fail-safe stage. Silence from before a reset counts.
     fn lose(&mut self, now: Instant, sources: &Sources, config: &Supervision) -> Instant {
         let silent_from = sources.silent_from(self.active_source).unwrap_or(now).min(now);
-        let before = self.carried.as_ticks().saturating_sub(self.timeout(config).as_ticks());
+        let before = self.carried.silent.as_ticks().saturating_sub(self.timeout(config).as_ticks());
         let hold = Duration::from_ticks(config.loss.hold.as_ticks().saturating_sub(before));
         *self.fail_safe_at.get_or_insert(silent_from + hold)
     }
@@ -178,10 +204,10 @@ impl Run {
 
     /// Time until which a source that was received before a reset is not silent yet.
     fn received_until(&self, by: &Arbitration<'_>) -> Option<Instant> {
-        if self.all_carried.as_ticks() == 0 || by.sources.last_command().is_some() {
+        if self.carried.all_silent.as_ticks() == 0 || by.sources.last_command().is_some() {
             return None;
         }
-        let left = by.config.timeouts.longest().as_ticks().saturating_sub(self.all_carried.as_ticks());
+        let left = by.config.timeouts.longest().as_ticks().saturating_sub(self.carried.all_silent.as_ticks());
         self.began.checked_add(Duration::from_ticks(left))
     }
 
@@ -191,7 +217,7 @@ impl Run {
         let after = by.config.loss.standby_after.or((!by.living).then_some(RUN_OUT))?;
         let until_fail_safe = (self.timeout(by.config) + by.config.loss.hold).as_ticks();
         let before =
-            self.carried.as_ticks().saturating_sub(if self.resumed_low { 0 } else { until_fail_safe });
+            self.carried.silent.as_ticks().saturating_sub(if self.resumed_low { 0 } else { until_fail_safe });
         let at = fail_safe_at.checked_add(Duration::from_ticks(after.as_ticks().saturating_sub(before)))?;
         if by.config.loss.standby_after.is_some() {
             return Some(at);
@@ -225,12 +251,12 @@ impl Run {
     pub fn plan(&self) -> Plan {
         if self.limited || (self.stage >= LossStage::FailSafe && self.taking_over.is_none()) {
             let in_control = self.stage == LossStage::None && self.taking_over.is_none();
-            Plan::FailSafe { commanded: self.demand, in_control }
+            Plan::FailSafe { commanded: self.demand.commanded, in_control }
         } else if self.taking_over.is_some() || self.stage == LossStage::Hold {
             // Even if the demand was not reached yet: no source commands more now.
-            Plan::Hold(self.demand)
+            Plan::Hold(self.demand.commanded)
         } else {
-            Plan::To(self.demand)
+            Plan::To(self.demand.commanded)
         }
     }
 

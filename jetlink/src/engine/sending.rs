@@ -26,7 +26,7 @@ impl Engine {
             rpm: self.link.status().report.rpm,
             throttle: self.link.status().report.settled_throttle(now),
             sent: match &self.mode {
-                Mode::Run(run) => run.sent,
+                Mode::Run(run) => run.demand.sent,
                 _ => Demand::Throttle(Throttle::IDLE),
             },
             reduced_to: self.config.when_other_fails.filter(|_| self.others_failed > 0),
@@ -41,7 +41,7 @@ impl Engine {
         let plan = run.plan();
         let (demand, next) = run.shaper.demand(now, plan, &shape, &config);
         run.next = next;
-        run.shaped = demand;
+        run.demand.shaped = demand;
         self.express(now);
     }
 
@@ -50,7 +50,7 @@ impl Engine {
         match &self.mode {
             Mode::Run(run) => {
                 let origin = if run.stage == LossStage::None { run.active_source } else { Origin::Node };
-                let (doubts, demand) = (run.life.in_doubt().is_some(), run.shaped);
+                let (doubts, demand) = (run.life.in_doubt().is_some(), run.demand.shaped);
                 let open = !doubts || (self.link.answers_frames() && run.life.answers());
                 self.link.release(run.life.reached());
                 let sent = if open { self.order_demand(now, demand) } else { self.order_doubt(now, demand) };
@@ -85,7 +85,7 @@ impl Engine {
         };
         if let Mode::Run(run) = &mut self.mode {
             run.shaper.replace(now, instead);
-            run.shaped = instead;
+            run.demand.shaped = instead;
         }
         let _ = self.link.order(now, Order::Run(instead));
         Order::Run(instead)

@@ -4,7 +4,7 @@ use super::data::{Beginning, Engine, Mode, RESETS_TO_FAIL_SAFE};
 use super::life::{Finding, Life};
 use super::origins::Origins;
 use super::retained::RetainedState;
-use super::run::Run;
+use super::run::{Carried, Demands, Run};
 use super::shaper::{Lowered, Shaper};
 use crate::command::{Demand, Order, Origin};
 use crate::event::{Event, LossStage};
@@ -54,7 +54,7 @@ impl Engine {
             Beginning::Found { life, .. } => life,
             Beginning::Reset(record) => Life::resumed(now, record.unconfirmed, record.after_gap),
         };
-        let (limited, stage, (carried, all_carried), resumed_low) = match beginning {
+        let (limited, stage, (silent, all_silent), resumed_low) = match beginning {
             Beginning::Reset(record) => {
                 let low = record.resets >= RESETS_TO_FAIL_SAFE;
                 let stage = if low { record.loss.max(LossStage::FailSafe) } else { record.loss };
@@ -83,32 +83,24 @@ impl Engine {
             Beginning::Reset(record) => record.fall_expected,
             _ => Duration::from_ticks(0),
         };
-        let started = matches!(beginning, Beginning::FromStandby);
-        let started_before = match beginning {
+        let started = match beginning {
             Beginning::Found { started_before, .. } => started_before,
             _ => Duration::from_ticks(0),
         };
         self.mode = Mode::Run(Run {
             began: now,
-            started_before,
             life,
             start_by: (!life.reached()).then(|| {
-                let left = self.start_time().as_ticks().saturating_sub(started_before.as_ticks());
+                let left = self.start_time().as_ticks().saturating_sub(started.as_ticks());
                 now + Duration::from_ticks(left)
             }),
             active_source: origin,
-            demand,
-            shaped: demand,
-            handed_out: None,
-            // What the ECU has, until this run sends its own: idle, or what was in force before a reset.
-            sent: demand,
-            received: demand,
+            demand: Demands::new(demand),
             taking_over: None,
             stream: None,
             fail_safe_at,
             stage,
-            carried,
-            all_carried,
+            carried: Carried { started, silent, all_silent },
             resumed: matches!(beginning, Beginning::Reset(_)),
             own_speed_control: self.link.may_hold_rpm()
                 && matches!(
@@ -124,7 +116,7 @@ impl Engine {
         self.permitted = Origins::NONE;
         self.start_wait = None;
         self.ended_by_loss = false;
-        if started {
+        if matches!(beginning, Beginning::FromStandby) {
             self.last_start = Some(now);
         }
     }
