@@ -109,11 +109,10 @@ impl<const N: usize> RadioConfig<N> {
                 Err(SettingsError::OutOfRange(setting)) => panic!("{}", setting.message),
                 Err(error) => panic!("{}", error.text()),
             }
-            let EngineSettings { rpm_low, rpm_high, throttle, switch, hand_over, .. } = self.engines[engine];
-            let most = PWM_CHANNELS as u8;
+            let EngineSettings { rpm_low, rpm_high, .. } = self.engines[engine];
             assert!(
                 !matches!(self.protocol, Protocol::Pwm)
-                    || throttle <= most && switch <= most && hand_over <= most,
+                    || self.engines[engine].highest_channel() <= PWM_CHANNELS as u8,
                 "servo pulses have four channels: see EngineSettings::PULSES"
             );
             assert!(

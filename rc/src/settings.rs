@@ -124,11 +124,23 @@ impl EngineSettings {
             // With one of them the stick commands a throttle: parameters are set one after the other.
             _ => {}
         }
-        let Self { throttle, switch, hand_over, .. } = *self;
+        let [throttle, switch, hand_over] = self.channels();
         if same(throttle, switch) || same(throttle, hand_over) || same(switch, hand_over) {
             return Err(SettingsError::SameChannel);
         }
         Ok(())
+    }
+
+    /// The channels of its functions: throttle, switch, hand-over. 0: none.
+    const fn channels(&self) -> [u8; 3] {
+        [self.throttle, self.switch, self.hand_over]
+    }
+
+    /// The highest channel that it uses.
+    pub(crate) const fn highest_channel(&self) -> u8 {
+        let [throttle, switch, hand_over] = self.channels();
+        let highest = if throttle > switch { throttle } else { switch };
+        if highest > hand_over { highest } else { hand_over }
     }
 }
 
