@@ -383,7 +383,7 @@ fn a_failure_is_reported_again_after_a_reset() {
 /// A transmitter that hangs for 1 s: the runner gives the port back to be reopened, and the engine continues at its
 /// demand. One that hangs for less is left alone.
 #[test]
-fn a_stuck_transmitter_is_given_back_to_be_opened_anew() {
+fn a_stuck_transmitter_is_given_back_to_be_reopened() {
     for (pause, reopened) in [(Duration::from_millis(900), false), (Duration::from_secs(3), true)] {
         clock::reset();
         let (config, ecu) = zk();

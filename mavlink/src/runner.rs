@@ -167,23 +167,23 @@ impl<'a, const N: usize, const P: usize, A: Attached> Runner<'a, N, P, A> {
             }
         };
         let save = async {
-            // There is one save here, as its state is large. Saves that are left where all records are written anew: of each, the first one
+            // There is one save here, as its state is large. Saves that are left during a rewrite: of each, the first one
             // last, and once more, which erases what was there before.
             let mut left = 0_usize;
-            let mut anew = false;
+            let mut rewrite = false;
             // Whether a setting waits for the result of the whole.
             let mut requested = false;
             loop {
-                anew |= self.service.borrow_mut().take_anew();
-                let begins = core::mem::take(&mut anew);
+                rewrite |= self.service.borrow_mut().take_rewrite();
+                let begins = core::mem::take(&mut rewrite);
                 let place =
                     if begins { None } else { left.checked_sub(1).map(|last| last.saturating_sub(1)) };
                 let result = if begins {
                     left = self.service.borrow().places() + 2;
-                    store.begin_anew().await.map_err(|_| NotSaved::Failed)
+                    store.begin_rewrite().await.map_err(|_| NotSaved::Failed)
                 } else {
                     if left == 2 {
-                        store.end_anew();
+                        store.end_rewrite();
                     }
                     let next = match place {
                         Some(place) => self.service.borrow().record(place),
@@ -201,7 +201,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Runner<'a, N, P, A> {
                 if place.is_none() && !begins {
                     requested = true;
                     if result == Err(NotSaved::Failed) {
-                        anew = true;
+                        rewrite = true;
                         continue;
                     }
                 }
@@ -212,7 +212,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Runner<'a, N, P, A> {
                         service.saved(Instant::now(), result);
                     }
                     #[cfg(feature = "signing")]
-                    service.stored_anew(Instant::now(), result);
+                    service.rewritten(Instant::now(), result);
                     self.arrived.signal(());
                 }
             }

@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn an_autopilot_that_restarts_begins_anew_after_three_frames() {
+    fn an_autopilot_that_restarts_begins_again_after_three_frames() {
         let mut clock = FrameClock::default();
         stream(&mut clock, 1_000_000, 900_000_000, &[0; 10]);
         assert_eq!(stream(&mut clock, 9_000_000, 2_000_000, &[0; 5]), [false, false, true, true, true]);
@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_that_is_past_the_old_one_begins_anew_when_its_delay_has_settled() {
+    fn a_clock_that_is_past_the_old_one_begins_again_when_its_delay_has_settled() {
         let counted = behind_a_gap(&mut FrameClock::default(), &[20; 400]);
         let first = counted.iter().position(|&counts| counts).expect("a new clock");
         assert!((118..=122).contains(&first) && counted[first..].iter().all(|&counts| counts), "{first}");

@@ -215,7 +215,7 @@ pub struct Store<'a, F: Flash, const KEYS: usize = { self::KEYS }> {
     /// The last sequence number.
     sequence: u32,
     /// All records are being rewritten, and this is not the last one yet.
-    anew: bool,
+    rewriting: bool,
     /// The sector that has all newest records.
     sector: u32,
     /// What is empty; `None` until it is needed, as to look at all of a slow memory delays a start.
@@ -247,7 +247,7 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         let guard = Guard { flash, at_rest, swapped: false, only: None, reads: 0 };
         let map = MapStorage::new(guard, Self::CONFIG, Cache::new_uncached());
         let mut store =
-            Self { map, at_rest, newest: Vec::new(), sequence: 0, anew: false, sector: 0, space: None };
+            Self { map, at_rest, newest: Vec::new(), sequence: 0, rewriting: false, sector: 0, space: None };
         let found = store.survey().await;
         let newest = store.newest.clone();
         if newest.is_empty() {
@@ -295,7 +295,7 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         };
         self.sector = second_is_it.into();
         self.space = None;
-        self.anew = false;
+        self.rewriting = false;
         let newest = if second_is_it { second } else { first };
         self.sequence = last(newest).unwrap_or(0);
         let whole = whole(newest);
@@ -391,7 +391,7 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         let last = self.newest.iter().max_by_key(|newest| newest.sequence);
         // From the last one's digest: what is missed now is missed with this record, too.
         let digest = last.map_or(0, |last| last.digest) ^ before.unwrap_or(0) ^ own;
-        let sequence = if self.anew { 0 } else { self.sequence.wrapping_add(1) };
+        let sequence = if self.rewriting { 0 } else { self.sequence.wrapping_add(1) };
         let length = HEAD + record.len();
         if record.len() > RECORD || before.is_none() && self.newest.is_full() {
             return Err(NotSaved::Failed);
@@ -423,7 +423,7 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
             }
             self.space = Some(Space { free: free.saturating_sub(needed), dirty: false });
             self.sequence = self.sequence.max(sequence);
-            if !self.anew && self.map.flash().only.take().is_some() {
+            if !self.rewriting && self.map.flash().only.take().is_some() {
                 // These records count now, and those in the other sector do not any more.
                 self.space = None;
             }
@@ -443,12 +443,12 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
     }
 
     /// Begins to rewrite all records, for a memory that does not take one any more, is damaged or has foreign data: they go into
-    /// the other sector, each by [`Store::save`]. The previous ones apply until the last one is saved, which [`Store::end_anew`] announces. A
+    /// the other sector, each by [`Store::save`]. The previous ones apply until the last one is saved, which [`Store::end_rewrite`] announces. A
     /// save more, of whatever record, erases the old ones.
     ///
     /// # Errors
     /// [`NotSaved`].
-    pub async fn begin_anew(&mut self) -> Result<(), NotSaved> {
+    pub async fn begin_rewrite(&mut self) -> Result<(), NotSaved> {
         if !self.at_rest.get() {
             return Err(NotSaved::Full);
         }
@@ -459,14 +459,14 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         // The crate begins in the first one.
         guard.swapped ^= self.sector == 0;
         guard.only = Some(0);
-        (self.sector, self.anew) = (0, true);
+        (self.sector, self.rewriting) = (0, true);
         self.newest.clear();
         Ok(())
     }
 
     /// The next record that is saved is the last one of those that are rewritten.
-    pub fn end_anew(&mut self) {
-        self.anew = false;
+    pub fn end_rewrite(&mut self) {
+        self.rewriting = false;
     }
 
     /// Gives the memory back.

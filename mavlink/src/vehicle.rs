@@ -94,7 +94,7 @@ impl Vehicle {
 
     /// The same vehicle, of which nothing was received.
     #[cfg(feature = "signing")]
-    pub fn anew(&self) -> Self {
+    pub fn forgotten(&self) -> Self {
         Self { learns: self.learns, learnt: self.learnt, ..Self::new(self.id.unwrap_or(0), 0) }
     }
 

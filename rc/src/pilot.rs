@@ -197,7 +197,7 @@ impl<'a> Pilot<'a> {
             return Err(SettingsError::EngineTurns);
         }
         self.settings = settings;
-        self.begin_anew();
+        self.forget();
         Ok(())
     }
 
@@ -230,7 +230,7 @@ impl<'a> Pilot<'a> {
         }
         let (low, high) = calibration.ends()?;
         (self.settings.low, self.settings.high) = (low, high);
-        self.begin_anew();
+        self.forget();
         Ok((low, high))
     }
 
@@ -254,7 +254,7 @@ impl<'a> Pilot<'a> {
     }
 
     /// Forgets what was seen: no move counts that began before.
-    const fn begin_anew(&mut self) {
+    const fn forget(&mut self) {
         self.last = None;
         (self.idle_since, self.standby_since) = (None, None);
         (self.release, self.arm, self.shut_down, self.waits) = (false, false, false, false);
@@ -404,7 +404,7 @@ impl<'a> Pilot<'a> {
             if self.last.is_some() {
                 count(&mut self.counters.gaps);
             }
-            self.begin_anew();
+            self.forget();
             self.since = now;
             self.switch.interrupt();
             self.hand_over.interrupt();

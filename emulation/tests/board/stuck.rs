@@ -17,7 +17,7 @@ fn in_a_byte(report: &Report, port: &str) -> Nanos {
 }
 
 #[test]
-fn port_with_a_stuck_transmitter_is_opened_anew_and_serves_its_ecu_again() {
+fn port_with_a_stuck_transmitter_is_reopened_and_serves_its_ecu_again() {
     on_each_board(|board| {
         let run = || Run::new(board, Image::Release).engines();
         let as_usual = run().until(3300 * MILLIS).go();

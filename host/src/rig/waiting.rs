@@ -63,7 +63,7 @@ pub fn is_stderr(path: &str) -> bool {
     matches!(path, "/dev/stderr" | "/dev/fd/2" | "/proc/self/fd/2")
 }
 
-/// The standard output or error, if this is its name: opened anew, a regular file would lose what is in it.
+/// The standard output or error, if this is its name: a regular file that is opened again would lose its contents.
 #[cfg(unix)]
 pub fn own(path: &str) -> Option<io::Result<File>> {
     use std::os::fd::AsFd;

@@ -199,7 +199,7 @@ fn keys_and_signals_restore_the_terminal_and_print_events_and_the_summary_so_far
 
 /// The screen is left, the shell gets its terminal, `fg` brings it back, and after a change of size it is drawn as a whole.
 #[test]
-fn a_suspended_rig_comes_back_and_a_resized_one_is_drawn_anew() {
+fn a_suspended_rig_comes_back_and_a_resized_one_is_drawn_again() {
     for by_key in [true, false] {
         let mut terminal = Terminal::start(&["--standby", "--duration", "600s"]);
         terminal.is_live();

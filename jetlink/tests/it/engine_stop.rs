@@ -635,8 +635,8 @@ fn the_retained_order_is_the_one_in_force() {
     }
 }
 
-/// A source that was lost is lost after the reset, too: it is in control when it has commanded for a while. Nor do the stages begin
-/// anew: a node that is reset again and again does not hold a demand up that nobody gives any more.
+/// A source that was lost stays lost after a reset: it is in control when it has commanded for a while. The stages of loss do not restart
+/// either: a node that is reset again and again does not hold a demand that no source commands any more.
 #[test]
 fn a_lost_source_stays_lost() {
     for ecu in BOTH {

@@ -89,15 +89,15 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         if self.confirming {
             return Err(Refusal::StoreBusy);
         }
-        (self.anew, self.confirming) = (true, true);
+        (self.rewrite, self.confirming) = (true, true);
         Ok(())
     }
 
     /// Takes the result of storing all records again.
     #[cfg(feature = "signing")]
-    pub fn stored_anew(&mut self, now: Instant, result: Result<(), NotSaved>) {
+    pub fn rewritten(&mut self, now: Instant, result: Result<(), NotSaved>) {
         // What was begun before the confirmation is not its result.
-        if self.anew || !core::mem::take(&mut self.confirming) {
+        if self.rewrite || !core::mem::take(&mut self.confirming) {
             return;
         }
         match result {
@@ -137,9 +137,9 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
     }
 
     /// Whether all records have to be stored again. Returned once.
-    pub fn take_anew(&mut self) -> bool {
+    pub fn take_rewrite(&mut self) -> bool {
         #[cfg(feature = "signing")]
-        return core::mem::take(&mut self.anew);
+        return core::mem::take(&mut self.rewrite);
         #[cfg(not(feature = "signing"))]
         false
     }

@@ -129,7 +129,7 @@ pub struct Service<'a, const N: usize, const P: usize, A: Attached = Nothing> {
     are_retained: bool,
     /// All records have to be stored again, because the settings were confirmed.
     #[cfg(feature = "signing")]
-    anew: bool,
+    rewrite: bool,
     /// They are being stored.
     #[cfg(feature = "signing")]
     confirming: bool,
@@ -238,7 +238,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             until_text: 0,
             are_retained: false,
             #[cfg(feature = "signing")]
-            anew: false,
+            rewrite: false,
             #[cfg(feature = "signing")]
             confirming: false,
             pending: Deque::new(),

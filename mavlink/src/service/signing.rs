@@ -138,7 +138,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
             self.cover.want(self.signing.stamp(now));
         }
         // What was received before may have come from anybody. The id stays: it changes at a start only.
-        self.vehicle = self.vehicle.anew();
+        self.vehicle = self.vehicle.forgotten();
         self.request = RateRequest::new(now);
         self.clocks = [FrameClock::default(); 2];
         self.received.clear();

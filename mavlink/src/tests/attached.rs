@@ -269,8 +269,8 @@ fn damaged_settings_are_known_to_what_is_attached_until_they_are_confirmed() {
         assert!(world.toy.damaged.get());
         let (answer, text) = world.command(NODE, 31010, &[30.0, 21196.0]).await;
         assert_eq!(answer, Some(0), "{text}");
-        assert!(world.toy.damaged.get() && world.service.borrow_mut().take_anew());
-        world.service.borrow_mut().stored_anew(Instant::now(), Ok(()));
+        assert!(world.toy.damaged.get() && world.service.borrow_mut().take_rewrite());
+        world.service.borrow_mut().rewritten(Instant::now(), Ok(()));
         assert!(!world.toy.damaged.get());
         // Those that RAM has retained are as good as whole ones.
         world.service.borrow_mut().set_retained();

@@ -456,13 +456,13 @@ fn damaged_settings_grant_no_start_until_a_person_confirms_them() {
         world.ready().await;
         // Nothing to confirm.
         let (answer, text) = world.command(NODE, USER, CONFIRM_SETTINGS).await;
-        assert_eq!((answer, world.service.borrow_mut().take_anew()), (NOT_NOW, false), "{text}");
+        assert_eq!((answer, world.service.borrow_mut().take_rewrite()), (NOT_NOW, false), "{text}");
         assert!(text.contains("the settings are not damaged"), "{text}");
         // Running engines continue, and the settings are confirmed only with all engines at rest.
         world.start(1).await;
         world.service.borrow_mut().set_damaged(true);
         let (answer, text) = world.command(NODE, USER, CONFIRM_SETTINGS).await;
-        assert_eq!((answer, world.service.borrow_mut().take_anew()), (NOT_NOW, false), "{text}");
+        assert_eq!((answer, world.service.borrow_mut().take_rewrite()), (NOT_NOW, false), "{text}");
         assert!(matches!(world.telemetry(1).ordered.order, Order::Run(_)));
         // A stop needs no whole settings. A start does.
         assert_eq!(world.control(1, &[0.0]).await.0, ACCEPTED);
@@ -475,11 +475,11 @@ fn damaged_settings_grant_no_start_until_a_person_confirms_them() {
         // Only at the board; the ground station's port is USB.
         let away = world.command_from(TO_AUTOPILOT, GROUND, (SYSTEM, NODE), USER, 0, CONFIRM_SETTINGS);
         let (answer, text) = away.await;
-        assert_eq!((answer, world.service.borrow_mut().take_anew()), (NOT_NOW, false), "{text}");
+        assert_eq!((answer, world.service.borrow_mut().take_rewrite()), (NOT_NOW, false), "{text}");
         assert!(text.contains("over USB"), "{text}");
         let (answer, text) = world.command(NODE, USER, CONFIRM_SETTINGS).await;
-        assert_eq!((answer, world.service.borrow_mut().take_anew()), (ACCEPTED, true), "{text}");
-        world.service.borrow_mut().stored_anew(embassy_time::Instant::now(), Ok(()));
+        assert_eq!((answer, world.service.borrow_mut().take_rewrite()), (ACCEPTED, true), "{text}");
+        world.service.borrow_mut().rewritten(embassy_time::Instant::now(), Ok(()));
         world.pass(0.2).await;
         world.start(0).await;
     });
@@ -670,7 +670,7 @@ fn a_start_with_a_confirmation_gets_no_old_answer_where_its_run_has_ended() {
         world.pass(60.0).await;
         let (answer, texts) = again().await;
         let runs = matches!(world.telemetry(1).ordered.order, Order::Run(_));
-        assert!(answer == ACCEPTED && runs, "after more than 5 s it is judged anew: {answer:?} {texts}");
+        assert!(answer == ACCEPTED && runs, "after more than 5 s it is judged again: {answer:?} {texts}");
     });
 }
 

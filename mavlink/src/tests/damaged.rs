@@ -115,9 +115,9 @@ fn a_person_at_the_board_sets_and_confirms() {
         assert!(answer == NOT_NOW && text.contains("damaged"), "a start takes the confirmation: {text}");
         // Not by the autopilot's port.
         let away = world.command_from(TO_AUTOPILOT, GROUND, (SYSTEM, NODE), CMD_USER_1, 0, CONFIRM).await;
-        assert!(away.0 == NOT_NOW && !world.service.borrow_mut().take_anew(), "{away:?}");
+        assert!(away.0 == NOT_NOW && !world.service.borrow_mut().take_rewrite(), "{away:?}");
         assert_eq!(world.command(NODE, CMD_USER_1, CONFIRM).await.0, ACCEPTED);
-        assert!(world.service.borrow_mut().take_anew());
+        assert!(world.service.borrow_mut().take_rewrite());
         // They are damaged until all is stored, and a text says how each ended.
         for result in [Err(NotSaved::Failed), Ok(())] {
             let (answer, text) = world.command(NODE, CMD_USER_1, CONFIRM).await;
@@ -125,14 +125,14 @@ fn a_person_at_the_board_sets_and_confirms() {
             assert!(world.service.borrow().is_damaged() && !world.service.borrow().is_saved());
             assert!(world.control(0, &[1.0]).await.1.contains("damaged"));
             world.pass(6.0).await;
-            world.service.borrow_mut().stored_anew(Instant::now(), result);
+            world.service.borrow_mut().rewritten(Instant::now(), result);
             world.pass(0.2).await;
             assert!(world.service.borrow().is_saved());
             if result.is_err() {
                 assert!(world.texts().contains("settings not confirmed: it cannot be stored"));
                 assert!(!world.texts().contains("confirmed and stored"));
                 assert_eq!(world.command(NODE, CMD_USER_1, CONFIRM).await.0, ACCEPTED);
-                assert!(world.service.borrow_mut().take_anew());
+                assert!(world.service.borrow_mut().take_rewrite());
             }
         }
         assert!(
@@ -232,8 +232,8 @@ fn it_is_said_on_every_port_until_it_is_confirmed() {
         }
         assert_eq!(shown(world), (1, true));
         assert_eq!(world.command(NODE, CMD_USER_1, CONFIRM).await.0, ACCEPTED);
-        assert!(world.service.borrow_mut().take_anew());
-        world.service.borrow_mut().stored_anew(Instant::now(), Ok(()));
+        assert!(world.service.borrow_mut().take_rewrite());
+        world.service.borrow_mut().rewritten(Instant::now(), Ok(()));
         let at = world.frames.borrow().len();
         world.pass(25.0).await;
         assert_eq!((said(world, at).len(), shown(world)), (0, (0, false)));
@@ -262,7 +262,7 @@ fn settings_that_ram_has_retained_count_as_before() {
         world.until("half throttle", 20, || world.ordered(1) == Some(500)).await;
         world.throttle(IDLE_US);
         let away = world.command_from(TO_AUTOPILOT, GROUND, (SYSTEM, NODE), CMD_USER_1, 0, CONFIRM).await;
-        assert!(away.0 != ACCEPTED && !world.service.borrow_mut().take_anew(), "{away:?}");
+        assert!(away.0 != ACCEPTED && !world.service.borrow_mut().take_rewrite(), "{away:?}");
         let stranger = Address { system: 78, ..STRANGER };
         let answer =
             world.command_from(TO_GROUND, stranger, (SYSTEM, NODE), CMD_USER_1, 0, EMERGENCY_STOP).await;
@@ -278,8 +278,10 @@ fn settings_that_ram_has_retained_count_as_before() {
         #[cfg(feature = "signing")]
         {
             assert_eq!(world.command(NODE, CMD_USER_1, CONFIRM).await.0, ACCEPTED);
-            assert!(world.service.borrow_mut().take_anew() && world.service.borrow().has_to_be_confirmed());
-            world.service.borrow_mut().stored_anew(Instant::now(), Ok(()));
+            assert!(
+                world.service.borrow_mut().take_rewrite() && world.service.borrow().has_to_be_confirmed()
+            );
+            world.service.borrow_mut().rewritten(Instant::now(), Ok(()));
         }
         #[cfg(not(feature = "signing"))]
         world.service.borrow_mut().set_damaged(false);

@@ -1,6 +1,6 @@
 //! F-RAM on a mock of the chip, from its data sheets: byte by byte, with the power cut at every one of them.
 
-use super::store::write_anew;
+use super::store::rewrite;
 use crate::fram::{CHIPS, Chip, Fram, Maker, NotUsed};
 use crate::store::{AtRest, Found, NotSaved, Store};
 use embassy_futures::block_on;
@@ -236,7 +236,7 @@ fn after_a_power_cut_at_any_byte_no_record_is_lost_or_old() {
         let (mut store, _, _) = load(store.into_flash().into_device(), &at_rest);
         if block_on(store.save(1, b"later")).is_err() {
             let later = [(1, b"later".to_vec())];
-            write_anew(&mut store, &records.into_iter().chain(later).collect()).unwrap();
+            rewrite(&mut store, &records.into_iter().chain(later).collect()).unwrap();
         }
         let (_, found, now) = load(store.into_flash().into_device(), &at_rest);
         assert_eq!((found, now.get(&1)), (Found::Whole, Some(&b"later".to_vec())), "cut at byte {cut}");
@@ -284,13 +284,13 @@ fn somebody_elses_data_is_overwritten_by_a_save_at_rest_only() {
     let (mut store, found, _) = load(mock, &at_rest);
     assert_eq!(found, Found::Empty);
     assert_eq!(block_on(store.save(0, b"mine")), Err(NotSaved::Full));
-    assert_eq!(block_on(store.begin_anew()), Err(NotSaved::Full));
+    assert_eq!(block_on(store.begin_rewrite()), Err(NotSaved::Full));
     let mock = store.into_flash().into_device();
     assert_eq!((mock.written, &mock.memory), (0, &before));
     at_rest.set(true);
     let (mut store, _, _) = load(mock, &at_rest);
     if block_on(store.save(0, b"mine")).is_err() {
-        write_anew(&mut store, &Records::from([(0, b"mine".to_vec())])).unwrap();
+        rewrite(&mut store, &Records::from([(0, b"mine".to_vec())])).unwrap();
     }
     let (_, found, records) = load(store.into_flash().into_device(), &at_rest);
     assert_eq!((found, records), (Found::Whole, Records::from([(0, b"mine".to_vec())])));

@@ -180,11 +180,11 @@ pub fn load<'a>(mock: Mock<'a>, at_rest: &'a AtRest) -> (Store<'a, Mock<'a>>, Fo
 }
 
 /// Rewrites all records, as the runner does: the first one last, and once more, which erases the previous ones.
-pub fn write_anew<F: Flash>(store: &mut Store<'_, F>, records: &Records) -> Result<(), NotSaved> {
-    block_on(store.begin_anew())?;
+pub fn rewrite<F: Flash>(store: &mut Store<'_, F>, records: &Records) -> Result<(), NotSaved> {
+    block_on(store.begin_rewrite())?;
     for (left, (key, record)) in records.iter().enumerate().rev() {
         if left == 0 {
-            store.end_anew();
+            store.end_rewrite();
         }
         block_on(store.save(*key, record))?;
     }
@@ -239,7 +239,7 @@ fn after_a_power_cut_at_any_write_or_erase_no_record_is_lost_or_old() {
             records.insert(*key, record.clone());
             if block_on(store.save(*key, record)).is_err() {
                 // A word that looks empty to the crate and is not.
-                write_anew(&mut store, &records).unwrap();
+                rewrite(&mut store, &records).unwrap();
             }
         }
         let (_, found, now) = load(store.into_flash(), &at_rest);
@@ -343,17 +343,17 @@ fn empty_and_damaged_differ() {
         assert_eq!((found, records.len()), (Found::Empty, 0));
         at_rest.set(false);
         assert_eq!(block_on(store.save(0, b"mine")), Err(NotSaved::Full));
-        assert_eq!(block_on(store.begin_anew()), Err(NotSaved::Full));
+        assert_eq!(block_on(store.begin_rewrite()), Err(NotSaved::Full));
         at_rest.set(true);
         if block_on(store.save(0, b"mine")).is_err() {
-            write_anew(&mut store, &Records::from([(0, b"mine".to_vec())])).unwrap();
+            rewrite(&mut store, &Records::from([(0, b"mine".to_vec())])).unwrap();
         }
         assert_eq!(load(store.into_flash(), &at_rest).1, Found::Whole);
     }
 }
 
 #[test]
-fn what_is_damaged_stays_damaged_until_all_is_written_anew() {
+fn what_is_damaged_stays_damaged_until_all_is_rewritten() {
     let at_rest = AtRest::new();
     at_rest.set(true);
     let (mut store, _, _) = load(Mock::new(&at_rest), &at_rest);
@@ -373,7 +373,7 @@ fn what_is_damaged_stays_damaged_until_all_is_written_anew() {
         store = again;
     }
     let new = Records::from([(1, b"new".to_vec())]);
-    write_anew(&mut store, &new).unwrap();
+    rewrite(&mut store, &new).unwrap();
     let (store, found, records) = load(store.into_flash(), &at_rest);
     assert_eq!((found, records), (Found::Whole, new));
     let mock = store.into_flash();
@@ -382,7 +382,7 @@ fn what_is_damaged_stays_damaged_until_all_is_written_anew() {
 }
 
 #[test]
-fn after_a_power_cut_while_all_is_written_anew_all_of_before_count_or_all_new_ones() {
+fn after_a_power_cut_during_a_rewrite_all_old_records_apply_or_all_new_ones() {
     let at_rest = AtRest::new();
     at_rest.set(true);
     let of = |first: u8| -> Records { (0..4).map(|key| (key, std::vec![first + key; 40])).collect() };
@@ -407,14 +407,14 @@ fn after_a_power_cut_while_all_is_written_anew_all_of_before_count_or_all_new_on
         let (_, found, before) = load(mock.clone(), &at_rest);
         assert_eq!(found == Found::Damaged, damaged);
         let (mut store, _, _) = load(mock.clone(), &at_rest);
-        write_anew(&mut store, &new).unwrap();
+        rewrite(&mut store, &new).unwrap();
         let done = store.into_flash().done;
         assert!(done > 10, "{done}");
         let mut all_new = 0;
         for (cut, seed) in (1..=done).flat_map(|cut| (0..8).map(move |seed| (cut, seed))) {
             let cut_short = Mock { left: Some(cut), rng: Rng::with_seed(seed), ..mock.clone() };
             let (mut store, _, _) = load(cut_short, &at_rest);
-            let result = write_anew(&mut store, &new);
+            let result = rewrite(&mut store, &new);
             let mock = Mock { left: None, ..store.into_flash() };
             let (mut store, found, records) = load(mock, &at_rest);
             let case = std::format!("damaged {damaged}, cut at {cut} of {done}, seed {seed}: {result:?}");
@@ -426,7 +426,7 @@ fn after_a_power_cut_while_all_is_written_anew_all_of_before_count_or_all_new_on
                 assert_eq!((found, &records), (expected, &before), "{case}");
             }
             // And it continues.
-            write_anew(&mut store, &of(50)).unwrap();
+            rewrite(&mut store, &of(50)).unwrap();
             let (_, found, records) = load(store.into_flash(), &at_rest);
             assert_eq!((found, records), (Found::Whole, of(50)), "{case}");
         }

@@ -164,7 +164,7 @@ fn a_start_that_is_found_after_a_reset_gets_no_fuel_until_it_runs() {
     assert_eq!(of(&nobodys), STAYS, "found");
     assert_eq!(of(&start), STAYS, "found and taken over");
     assert_eq!(after(&[listening, nobodys, start]), Valve::Closed, "found and taken over");
-    assert_eq!(after(&[nobodys, standby, start]), Valve::Open, "started anew");
+    assert_eq!(after(&[nobodys, standby, start]), Valve::Open, "started again");
     assert_eq!(after(&[nobodys, start, runs]), Valve::Open, "it runs");
 }
 
@@ -224,7 +224,7 @@ fn standby_that_is_not_followed_closes_it_and_no_other_order_does() {
 }
 
 #[test]
-fn wait_begins_anew_when_the_order_is_followed_for_a_moment() {
+fn wait_begins_again_when_the_order_is_followed_for_a_moment() {
     let mut outputs = outputs(Valve::Open);
     let mut telemetry = snapshot(Order::Standby, Some(Phase::Running), Some(60_000));
     for second in 0..60 {
@@ -454,17 +454,17 @@ fn power_is_on_from_armed_until_cold_and_at_rest() {
     for (telemetry, power) in
         [(cooling, true), (running, true), (hot, false), (turning, false), (silent, false)]
     {
-        let mut anew = Outputs::new(OutputSettings::DEFAULT, None, false);
-        anew.update(&telemetry);
-        assert_eq!(anew.power(), power, "{telemetry:?}");
+        let mut restarted = Outputs::new(OutputSettings::DEFAULT, None, false);
+        restarted.update(&telemetry);
+        assert_eq!(restarted.power(), power, "{telemetry:?}");
     }
     // An order to run takes it, whatever the ECU reports.
     for (order, power) in
         [(RUN, true), (DOUBT, true), (Order::Pwm, true), (Order::Listen, false), (Order::Standby, false)]
     {
-        let mut anew = Outputs::new(OutputSettings::DEFAULT, None, false);
-        anew.update(&snapshot(order, None, None));
-        assert_eq!(anew.power(), power, "{order}");
+        let mut restarted = Outputs::new(OutputSettings::DEFAULT, None, false);
+        restarted.update(&snapshot(order, None, None));
+        assert_eq!(restarted.power(), power, "{order}");
     }
     let mut stopped = cold;
     (stopped.ordered.order, stopped.stop_latched) = (Order::EmergencyStop, true);

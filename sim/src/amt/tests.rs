@@ -388,7 +388,7 @@ fn failures_show_as_error_sets_until_the_switch_leaves_run() {
 }
 
 #[test]
-fn a_loss_of_power_stops_the_engine_and_begins_anew() {
+fn a_loss_of_power_stops_the_engine_and_restarts_the_ecu() {
     let mut bench = Bench::running(AmtConfig::new(EngineModel::Olympus));
     let now = bench.now;
     bench.ecu.power(now, false);

@@ -37,7 +37,7 @@ struct Hand {
     /// An emergency stop that the node has not taken yet.
     stop: Cell<bool>,
     /// It is to restart its script.
-    anew: Cell<bool>,
+    restart: Cell<bool>,
     /// Something was done to it.
     touched: Cell<bool>,
     judge: RefCell<Judge>,
@@ -275,7 +275,7 @@ impl<'a> Player<'a> {
             Act::Script => {
                 context.input.set(PilotInput::Standby);
                 context.played.set(false);
-                hand.anew.set(true);
+                hand.restart.set(true);
             }
             Act::Fault(fault, begins) => self.fault(engine, fault, begins),
         }
@@ -382,7 +382,7 @@ impl<'a> Player<'a> {
         }
         // What comes next restarts on its own.
         if let Some(hand) = self.hands.get(engine) {
-            hand.anew.set(false);
+            hand.restart.set(false);
         }
     }
 
@@ -390,7 +390,7 @@ impl<'a> Player<'a> {
     pub async fn taken(&self, engine: usize) {
         // Whoever takes it shares a task with whoever waits.
         poll_fn(|_| match (self.contexts.get(engine), self.hands.get(engine)) {
-            (Some(context), Some(hand)) if context.played.get() || hand.anew.take() => Poll::Ready(()),
+            (Some(context), Some(hand)) if context.played.get() || hand.restart.take() => Poll::Ready(()),
             _ => Poll::Pending,
         })
         .await;

@@ -71,9 +71,9 @@ fn steered(setup: &Setup, control: &mut dyn Control) -> Run {
 
 /// After an emergency stop the engine is disarmed, and a source that has armed it has to disarm first.
 #[test]
-fn a_script_that_begins_anew_after_a_stop_flies() {
+fn a_script_that_is_restarted_after_a_stop_flies() {
     let actions = "60 left emergency-stop\n80 left release\n81 left script\n";
-    let run = run("anew", &format!("{ZK}{actions}")).unwrap();
+    let run = run("restart", &format!("{ZK}{actions}")).unwrap();
     assert_eq!(run.happened("after the command"), 2, "{:?}", run.model.events);
     assert_eq!((run.happened("rejected"), run.happened("NOT REACHED")), (0, 0), "{:?}", run.model.events);
     assert_eq!(run.problems(), Vec::<String>::new());
@@ -81,7 +81,7 @@ fn a_script_that_begins_anew_after_a_stop_flies() {
 
 /// A script restarts when the stop is released. Until then the engine stays played, and time passes.
 #[test]
-fn a_script_does_not_begin_anew_while_a_stop_is_latched() {
+fn a_script_is_not_restarted_while_a_stop_is_latched() {
     let keys = [(50.0, char(' ')), (60.0, char('b'))];
     let played = pair(75.0, &keys, "latched");
     let texts: Vec<&str> = played.model.events.iter().map(|event| event.text.as_str()).collect();

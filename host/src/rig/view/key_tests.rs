@@ -197,13 +197,13 @@ fn every_key_is_on_a_page_of_the_help_at_60_by_16() {
 
 /// Also one that nobody has taken from it.
 #[test]
-fn b_begins_the_script_anew() {
+fn b_restarts_the_script() {
     let before = pair(59.9, &[], "not-yet");
     assert_ne!(before.model.samples[0].wire_text(), "standby");
-    let anew = pair(62.0, &[(60.0, char('b'))], "anew");
-    assert_eq!(anew.model.samples[0].wire_text(), "standby");
-    assert_eq!(anew.model.samples[0].stage, Stage::Standby);
-    assert_eq!(anew.model.samples[1].stage, before.model.samples[1].stage);
+    let again = pair(62.0, &[(60.0, char('b'))], "again");
+    assert_eq!(again.model.samples[0].wire_text(), "standby");
+    assert_eq!(again.model.samples[0].stage, Stage::Standby);
+    assert_eq!(again.model.samples[1].stage, before.model.samples[1].stage);
 }
 
 #[test]

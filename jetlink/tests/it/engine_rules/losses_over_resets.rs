@@ -49,10 +49,10 @@ fn from_the_third_reset_without_a_source_the_demand_is_at_the_fail_safe_throttle
     }
 }
 
-/// "Losses continue over resets": a source that comes and goes is not in control, so its commands do not begin the time to standby anew
+/// "Losses continue over resets": a source that comes and goes is not in control, so its commands do not restart the time to standby
 /// when the node is reset.
 #[test]
-fn a_reset_does_not_begin_the_time_to_standby_of_a_source_that_comes_and_goes_anew() {
+fn a_reset_does_not_restart_the_time_to_standby_of_a_source_that_comes_and_goes() {
     /// Source timeout, hold, and `standby_after`, in s.
     const LOST_FOR: u64 = 1 + 1 + 20;
     for ecu in BOTH {

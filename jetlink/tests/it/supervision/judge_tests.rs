@@ -279,7 +279,7 @@ fn held_for_a_source_that_waits_again(until: u64) -> Result<(), String> {
 
 /// A source that is lost while it waits restarts its wait, behind the one that was in control all the time.
 #[test]
-fn a_source_that_was_lost_while_it_waited_waits_anew() {
+fn a_source_that_was_lost_while_it_waited_waits_again() {
     for until in [21, 24, 26, 27] {
         assert_eq!(held_for_a_source_that_waits_again(until * SECOND), Ok(()), "{until}");
     }
