@@ -196,7 +196,7 @@ fn build(reset: Reset, oscillator: Oscillator, outputs: &mut Option<crate::outpu
     {
         crate::outputs::configure(outputs, &settings.attached.outputs);
     }
-    // Not with `count`: its instructions would be counted, too.
+    // Not with `count`: its instructions would also be counted.
     let mavlink = (!cfg!(feature = "count")).then(|| crate::mavlink::build(node, &mut settings, radio));
     Built { node, mavlink, radio, lines, telemetry }
 }

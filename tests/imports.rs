@@ -2,9 +2,9 @@
 //!
 //! A node is a file. An edge is every `use`, every re-export, and every inline path, those in attributes included, outside
 //! `#[cfg(test)]`, that names something in another file of the same package. A `mod` line is none: it says where a file is, not
-//! what its parent needs. Calls of methods are edges, too, where the `impl` of a type is in several files: `imports/methods.rs`.
+//! what its parent needs. Calls of methods are also edges, where the `impl` of a type is in several files: `imports/methods.rs`.
 //!
-//! The same holds for test programs, where the tests themselves count, too.
+//! The same holds for test programs, where the tests themselves are included.
 
 #[path = "imports/methods.rs"]
 mod methods;

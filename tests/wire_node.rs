@@ -349,7 +349,7 @@ fn an_emergency_stop_gets_through() {
     }
 }
 
-/// That an engine has failed is known after a reset, too: the others of its group are informed again.
+/// That an engine has failed is still known after a reset: the others of its group are informed again.
 #[test]
 fn a_failure_is_reported_again_after_a_reset() {
     for failed in [false, true] {

@@ -87,7 +87,7 @@ pub struct Region {
 ///
 /// Not used: ITCM 64K at 0x00000000, DTCM 128K at 0x20000000 (no DMA reaches them), SRAM1 to SRAM4. `retained` is where
 /// bootloaders have nothing: ArduPilot's have their RAM in DTCM (0x20000000), formerly in SRAM1 (0x30000000); PX4's begins at
-/// the start of the AXI SRAM, allocates from below and ends its heap at the end; so the last 7 KiB are left free, too.
+/// the start of the AXI SRAM, allocates from below and ends its heap at the end; so the last 7 KiB are also left free.
 ///
 /// Its core has an LDO regulator and no SMPS, so there is no supply to choose; embassy-stm32 turns the LDO on
 /// (`rcc/h.rs` of 0.6.0, `pwr_h7rm0433`).

@@ -76,7 +76,7 @@ fn a_script_is_played_to_the_byte_at_any_speed() {
     let targets = first.lines().find(|line| line.contains("targets reached")).expect("a row");
     assert_eq!(targets.split_whitespace().skip(2).collect::<Vec<_>>(), ["played", "played"]);
     assert!(first.contains("PASS: no unsolicited command, no uncommanded ignition, no late stop"), "{first}");
-    // In real time, too.
+    // Also in real time.
     fs::write(&short, PLAYED.split_once("33.0 left").unwrap().0.to_owned() + "5.0 end\n").unwrap();
     assert!(play(&short, "slow", false) == play(&short, "quick", true), "real time gives something else");
 }

@@ -233,7 +233,7 @@ pub struct Row {
     pub min: i32,
     /// Greatest value.
     pub max: i32,
-    /// It may be [`OFF`], too.
+    /// It may also be [`OFF`].
     pub may_be_off: bool,
     /// When a new value takes effect.
     pub effect: Effect,

@@ -79,7 +79,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Runner<'a, N, P, A> {
                         waiting.signal(());
                     }
                 }
-                // Key and time stamp are stored without a frame that comes, too.
+                // Key and time stamp are also stored while no frame is received.
                 if cfg!(feature = "signing") && !service.is_saved() {
                     self.to_save.signal(());
                 }

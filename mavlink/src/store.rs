@@ -207,7 +207,7 @@ struct Newest {
 }
 
 /// Records by key: 0 is the node, the others are engines, and what else is attached. `KEYS` is the most of them; those that another image
-/// stored count, too.
+/// stored are included.
 pub struct Store<'a, F: Flash, const KEYS: usize = { self::KEYS }> {
     map: Map<'a, F>,
     at_rest: &'a AtRest,
@@ -353,7 +353,7 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         empty
     }
 
-    /// Shows every record of a sector, the older ones of a key, too.
+    /// Shows every record of a sector, also the older ones of a key.
     async fn scan(&mut self, sector: u32, each: &mut dyn FnMut(Newest, &[u8])) {
         self.map.flash().only = Some(sector);
         let mut buffer = [0; BUFFER];
@@ -389,14 +389,14 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         }
         cleaned?;
         let last = self.newest.iter().max_by_key(|newest| newest.sequence);
-        // From the last one's digest: what is missed now is missed with this record, too.
+        // From the last one's digest: what is missed now is also missed with this record.
         let digest = last.map_or(0, |last| last.digest) ^ before.unwrap_or(0) ^ own;
         let sequence = if self.rewriting { 0 } else { self.sequence.wrapping_add(1) };
         let length = HEAD + record.len();
         if record.len() > RECORD || before.is_none() && self.newest.is_full() {
             return Err(NotSaved::Failed);
         }
-        // The mark that closes the sector has its place; in an empty sector there is one that opens it, too.
+        // The mark that closes the sector has its place; an empty sector also gets one that opens it.
         let word = F::WRITE_SIZE as u32;
         let opening = if free == Self::SECTOR { word } else { 0 };
         let length = (1 + length as u32).next_multiple_of(word);

@@ -50,7 +50,7 @@ pub struct CrsfCounters {
     pub statistics: u32,
     /// Good frames of other types, or of another length.
     pub others: u32,
-    /// Wrong checksums. A start byte in noise looks like one, too.
+    /// Wrong checksums. A start byte in noise also looks like one.
     pub bad_checksums: u32,
     /// Frames that a pause cut short.
     pub truncated: u32,

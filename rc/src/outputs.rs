@@ -291,7 +291,7 @@ impl Outputs {
 
     fn not_reported(&mut self, telemetry: &Telemetry) -> Option<Why> {
         let ordered = telemetry.ordered;
-        // The node orders standby in doubt, too: then nothing is concluded from silence, unless nothing came since its start.
+        // The node also orders standby in doubt: then nothing is concluded from silence, unless nothing came since its start.
         let meant = ordered.origin != Origin::Node || telemetry.last_rx.is_none();
         let not_received = meant && phase(telemetry).is_none();
         let obeyed = telemetry.obeyed || telemetry.link != LinkState::Up;

@@ -7,7 +7,7 @@
 //! | 23 | bit 0 channel 17, bit 1 channel 18, bit 2 frame lost, bit 3 fail-safe, others 0 |
 //! | 24 | 0x00; SBUS 2 has 0x04, 0x14, 0x24 or 0x34 |
 //!
-//! There is no checksum, and 0x0F is in the channels, too. So a frame begins only after a pause of the line or right behind a good
+//! There is no checksum, and 0x0F also occurs in the channels. So a frame begins only after a pause of the line or right behind a good
 //! frame. Even parity finds one flipped bit of a byte: let the UART report it with [`Sbus::line_error`].
 
 use crate::channels::{Channels, PACKED, Pulse, unpack};

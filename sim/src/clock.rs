@@ -362,7 +362,7 @@ mod tests {
         };
         run(timers());
         assert_eq!(polls(), 6);
-        // Those of a task, too: the future around it is polled as often, or more often.
+        // The same with a task: the future around it is polled at least as often.
         run(task(timers()));
         assert!(polls() >= 6 + 12, "{}", polls());
         reset();

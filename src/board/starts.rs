@@ -24,7 +24,7 @@ const LEFT: u32 = u32::MAX;
 pub fn begin(cause: ResetCause) -> FailedStarts {
     let noted = CRASHED.get().unwrap_or(0);
     CRASHED.set(0);
-    // Behind an ArduPilot bootloader all that is noted ends by the watchdog, too.
+    // Behind an ArduPilot bootloader, everything that is noted also ends by the watchdog.
     let ended = match (noted, cause) {
         (LEFT, _) => Ended::Otherwise,
         (1.., _) => Ended::Crashed(Duration::from_millis(u64::from(noted - 1))),

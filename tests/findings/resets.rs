@@ -164,7 +164,7 @@ fn emergency_stop_reaches_an_ecu_in_throttle_mode_after_a_reset_with_nothing_rec
     emergency_stop_stops(deaf_after_a_reset(false));
 }
 
-/// Standby goes out blind, too.
+/// Standby is also sent blind.
 #[test]
 fn standby_reaches_an_ecu_after_a_reset_with_nothing_received() {
     for by_rpm in [false, true] {

@@ -1,4 +1,4 @@
-//! The methods of one type go one way, too, where its `impl` is in several files: imports do not show their calls of one another.
+//! The methods of one type also go one way, where its `impl` is in several files: imports do not show their calls of one another.
 //!
 //! A call is `self.name(...)`, `self.field.name(...)` or `Self::name(...)` in an `impl`, or `Type::name(...)` anywhere, that names an
 //! inherent method or constant of the type; in a macro all but that of a field. What a macro defines is not seen, nor a call of a

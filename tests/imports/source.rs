@@ -26,7 +26,7 @@ pub struct Crate {
     names: BTreeMap<Module, BTreeMap<String, Module>>,
     /// Its macros by example.
     macros: Vec<Macro>,
-    /// Modules with `#[macro_use]`: their macros belong to the parent, too.
+    /// Modules with `#[macro_use]`: their macros also belong to the parent.
     macro_use: BTreeSet<Module>,
     /// Tests count: the crate is a test program.
     tests_count: bool,

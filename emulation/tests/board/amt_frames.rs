@@ -17,7 +17,7 @@ fn set_up_normal_alternate_and_error_frames_are_answered() {
         let frames = report.ecu::<AmtEcu>("SERIAL2").stats.frames;
         assert!(frames.setup == 1 && frames.normal > 20 && frames.alternate > 2 && frames.error > 10);
         no_window_missed(&report, &engines(&report)[0]);
-        // Each was understood, too.
+        // Each was also understood.
         assert!(report.logged("left: ECU powered up"));
         assert!(report.logged("left: ECU reports standby"));
         assert!(report.logged("left: ECU reports a fault: "));

@@ -89,7 +89,7 @@ fn a_stack_that_grows_too_far_ends_the_firmware_before_it_reaches_the_statics() 
             .at(1500 * MILLIS, move |bench| {
                 // What lies below the guard is marked.
                 (statics_end..guard).step_by(4).for_each(|at| bench.set_word(at, 0x600D_600D));
-                // push {r0-r7, lr}, over and over. It lies below the guard, too.
+                // push {r0-r7, lr}, over and over. It also lies below the guard.
                 let code = statics_end;
                 bench.set_word(code, 0xE7FD_B5FF);
                 hijack(bench, board, Image::Release, Task::Supervisor, code);

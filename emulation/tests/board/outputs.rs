@@ -123,7 +123,7 @@ fn valve_opens_for_a_start_and_is_closed_by_a_stop_within_10_ms_and_over_a_reset
         }
         assert!(report.lines("; fuel valve open, starter and ignition on").count() > 10);
         assert!(report.lines("; fuel valve closed").any(|log| log.at > reset));
-        // The starter cools the turbines, over the reset, too.
+        // The starter cools the turbines, also during the reset.
         let armed = Pin::output(&report, POWER.number).changes(SECOND..STOP);
         assert!(armed.len() == 1 && armed[0].1 == POWER.on, "{armed:?}");
         stays(&report, POWER, POWER.on, armed[0].0..reset);

@@ -107,7 +107,7 @@ fn pulses_of_full_throttle_start_nothing() {
 }
 
 /// The wire of the throttle, then that of the switch: each alone is silence for both engines, and neither stops nor moves one. A stop
-/// counts without the wire of the throttle. Widths and rates that no receiver has are silence, too.
+/// counts without the wire of the throttle. Widths and rates that no receiver has are also silence.
 #[test]
 fn a_broken_wire_and_pulses_that_no_receiver_sends_are_silence() {
     on_each_board(|board| {

@@ -13,7 +13,7 @@ use sim::line::Line;
 use sim::turbine::Phase;
 use sim::zk::{Sw, ZkCommand, ZkEcu};
 
-/// Both protocols, each with an image that has a valve for each engine, too.
+/// Both protocols, each with an image that also has a valve for each engine.
 const BOTH: [(Protocol, Image); 2] = [(Protocol::Sbus, Image::Outputs), (Protocol::Crsf, Image::RadioCrsf)];
 
 /// Ports of an AMT engine, "left", and of a ZK engine, "booster".

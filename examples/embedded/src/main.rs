@@ -58,7 +58,7 @@ async fn engine(runner: Runner<'static>, uart: BufferedUart<'static>) {
 async fn pilot(source: Source<'static>) {
     let mut tick = Ticker::every(Duration::from_millis(100));
     loop {
-        // What is refused is in the engine's events, too.
+        // The engine's events also report what is refused.
         let _ = source.command(Command::Standby);
         let _rpm = source.handle().telemetry().report.rpm;
         tick.next().await;

@@ -148,7 +148,7 @@ impl Show {
                     match &message {
                         Message::Note(note) => lines.note(note),
                         Message::Samples { at, samples, .. } => lines.samples(*at, samples),
-                        // A mark is noted, too.
+                        // A mark is also noted.
                         Message::Mark { .. } | Message::Passing(_) | Message::Complete(_) => Ok(()),
                     }
                     .map_err(ShowError::Screen)?;

@@ -250,7 +250,7 @@ fn a_suspended_rig_can_be_ended() {
         terminal.is_live();
         terminal.types(&[26]);
         wait_until("it stops", || terminal.output().contains("Stopped"));
-        // To a job that is stopped, the shell sends SIGCONT, too.
+        // The shell also sends SIGCONT to a job that is stopped.
         terminal.types(format!("kill -{signal} %1; wait %1; echo \"status: $?\"\n").as_bytes());
         wait_until("it ends", || terminal.output().contains(&format!("status: {status}")));
         let output = terminal.output();

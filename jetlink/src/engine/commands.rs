@@ -143,7 +143,7 @@ impl Engine {
             {
                 self.standby(now, origin);
             }
-            // A source that was lost may end the start, too, with one command.
+            // A source that was lost may also end the start, with one command.
             Mode::Run(Run { life, .. }) if above.is_none() && !life.reached() => self.standby(now, origin),
             // Arbitration decides whether it is obeyed, as for every command.
             Mode::Run(_) => self.update(now),

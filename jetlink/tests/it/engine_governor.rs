@@ -184,7 +184,7 @@ fn settings_of_the_governor_take_effect_at_once() {
     assert_eq!(scenario.tenths(), 600);
 }
 
-/// A rise of less than 0.1 % from speed to speed is one, too.
+/// A rise of less than 0.1 % from speed to speed is also one.
 #[test]
 fn a_governor_rises_slowly_where_its_slew_is_slow() {
     let mut scenario = at(governed(|g| g.slew = 10), 30, 40_000);

@@ -255,7 +255,7 @@ fn a_release_allows_no_start() {
     }
 }
 
-/// A stop comes while the node listens, too.
+/// A stop is also sent while the node listens.
 #[test]
 fn a_stop_is_sent_while_the_node_listens() {
     for ecu in BOTH {
@@ -496,7 +496,7 @@ fn after_a_reset_an_engine_that_does_not_run_is_in_standby() {
             }
         }
     }
-    // AMT-9: an ECU that has just been powered up, too, in its first frame.
+    // AMT-9: also an ECU that has just been powered up, in its first frame.
     let mut scenario = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), retained_run(percent(60)));
     scenario.bench.rx_at_us(FRAME_PERIOD_US, &amt_frames::setup("9.35 140617 "));
     assert_eq!(scenario.order(), Order::Standby);

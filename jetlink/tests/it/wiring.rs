@@ -133,7 +133,7 @@ fn what_a_board_cannot_have_is_found_with_its_row_and_why() {
     assert_eq!(check(&[slow], SIX), Err((0, Contradiction::Setting)));
 }
 
-/// Whoever's record it is, and after a loss of power, too: a firmware that has to know it before it reads settings does not know the engine.
+/// Whichever engine's record it is, and also after a loss of power: a firmware that has to know it before it reads settings does not know the engine.
 #[test]
 fn a_record_says_whether_its_engine_was_at_rest_to_one_that_does_not_know_the_engine() {
     use jetlink::command::Demand;

@@ -227,7 +227,7 @@ fn disarming_ends_a_start_and_the_bit_allows_one() {
         world.throttle(1900);
         world.pass(5.0).await;
         assert_eq!(world.ordered(1), Some(0), "disarmed: idle");
-        // From armed to disarmed ends one that was allowed by the bit, too.
+        // A change from armed to disarmed also ends one that the bit allowed.
         world.throttle(IDLE_US);
         assert_eq!(world.control(1, &[0.0]).await.0, ACCEPTED);
         world.cold(1).await;

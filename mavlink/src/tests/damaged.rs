@@ -66,7 +66,7 @@ fn nothing_is_obeyed_by_radio_but_a_stop_and_a_stop_of_anybody_is() {
         world.ready().await;
         world.start(1).await;
         world.service.borrow_mut().set_damaged(true);
-        // Of those who may command by the defaults, too.
+        // Also from those who may command by the defaults.
         for (component, params) in
             [(ENGINE[0], RELEASE), (ENGINE[0], &[10.0][..]), (ENGINE[1], &[20.0, 5.0]), (NODE, CONFIRM)]
         {
@@ -170,7 +170,7 @@ fn a_stop_counts_though_the_id_of_the_vehicle_is_lost() {
     });
 }
 
-/// Which output is the throttle of an engine is a setting, too: the demand of a running engine goes through the stages of loss, and
+/// Which output is the throttle of an engine is also a setting: the demand of a running engine goes through the stages of loss, and
 /// nothing shuts it down.
 #[test]
 fn a_running_engine_runs_on_at_the_fail_safe_throttle() {

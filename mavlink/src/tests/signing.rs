@@ -85,7 +85,7 @@ fn a_start_has_to_be_signed_and_new() {
         assert_eq!(started_by(world, TO_GROUND, &unsigned).await, None);
         assert_eq!(counted(world), SigningCounters { not_signed: 1, ..NOTHING });
         assert_eq!(started_by(world, TO_GROUND, &bytes(START_WITH_ANOTHER_KEY)).await, None);
-        // The number of the link is signed, too.
+        // The number of the link is also signed.
         let mut other_link = bytes(START);
         let place = other_link.len() - 13;
         other_link[place] = 1;

@@ -82,7 +82,7 @@ pub struct World<'a> {
     pub stamp: Cell<u64>,
     /// How far the autopilot's clock is behind, in 10 µs.
     pub autopilot_behind: Cell<u64>,
-    /// The node has that key, too; not while a test sets it.
+    /// The node also has that key, but not while a test sets it.
     pub key_is_everywhere: Cell<bool>,
     ports: [PortConfig; 2],
     /// The service restarted: what was being sent is cut off.

@@ -138,7 +138,7 @@ fn transmitter_that_is_off_is_silence() {
         world.until("full throttle", 5, || world.ordered() == Some(1000)).await;
         world.radio.on.set(false);
         let off = Instant::now();
-        // What the receiver sends in its fail-safe has other values, too.
+        // What the receiver sends in its fail-safe also has other values.
         world.radio.switch.set(STOP);
         world.until("the first stage", 2, || world.telemetry().loss == LossStage::Hold).await;
         let after = Instant::now() - off;

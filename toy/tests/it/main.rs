@@ -81,7 +81,7 @@ fn toy_settings_have_range_default_and_effect() {
     assert_eq!(mistake.message(), "invalid stop bits: a toy line has one");
 }
 
-/// Services and faults of any ECU are those of the toy, too.
+/// Services and faults of any ECU include those of the toy.
 #[test]
 fn toy_services_and_faults_are_those_of_any_ecu() {
     let prime = any::Service::Toy(Service::Prime);

@@ -17,7 +17,7 @@ use ratatui::widgets::{Paragraph, Wrap};
 const LEAST: (u16, u16) = (60, 16);
 /// From this on there is a panel for each engine.
 const PANELS: (u16, u16) = (120, 30);
-/// From this on there are charts, too.
+/// From this height on there are also charts.
 const CHARTS: (u16, u16) = (200, 50);
 /// Events below the engines, with their heading.
 const EVENTS: u16 = 6;

@@ -304,7 +304,7 @@ fn a_standby_of_the_instant_of_a_reset_is_in_force_after_it() {
     all_pass("standby-and-reset", &[&format!("{AMT}{actions}"), &format!("{ZK}{actions}")]);
 }
 
-/// It waits for its ECU, with the speed that it has sent last: another kind of demand waits, too.
+/// It waits for its ECU, with the speed that it has sent last: so does another kind of demand.
 #[test]
 fn a_node_in_doubt_repeats_the_speed() {
     let by_rpm = "engine name=left,ecu=zk,mode=rpm\n";

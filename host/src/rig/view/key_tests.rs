@@ -86,7 +86,7 @@ fn keys_that_the_help_names_start_an_engine_after_an_emergency_stop() {
     assert_eq!(story(&played), "left is armed, in standby; s starts it, b restarts its script");
 }
 
-/// At the end, too: the engine of this run was stopped.
+/// Also at the end: the engine of this run was stopped.
 #[test]
 fn the_verdict_names_what_starts_the_selected_engine_again() {
     let verdict = |keys: &[(f64, KeyEvent)]| {
@@ -145,7 +145,7 @@ fn a_scenario_shows_no_key_that_would_do_nothing() {
     }
 }
 
-/// Space stops all engines of a scenario, too. What was expected of it is not judged then.
+/// Space also stops all engines of a scenario. What was expected of it is not judged then.
 #[test]
 fn space_stops_a_scenario_and_it_is_not_judged() {
     let args = ["rig", "--fast", "--scenario", "source-loss"];

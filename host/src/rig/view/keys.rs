@@ -199,14 +199,14 @@ pub fn by_transmitter(key: &Key) -> &'static str {
 
 /// What this key does, with these tables open.
 pub fn does(event: &KeyEvent, open: &[Key]) -> Option<Does> {
-    // Windows sends releases, too.
+    // Windows also sends releases.
     if event.kind != KeyEventKind::Press {
         return None;
     }
     let ctrl = event.modifiers.contains(KeyModifiers::CONTROL);
     // The emergency stop is one with whatever else is held down.
     let any = event.code == Char(' ');
-    // With Caps Lock letters act, too: no key is a capital.
+    // Letters also act with Caps Lock: no key is a capital.
     let code = match event.code {
         Char(letter) => Char(letter.to_ascii_lowercase()),
         other => other,

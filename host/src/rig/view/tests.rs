@@ -592,7 +592,7 @@ fn texts_of_the_smallest_screen_are_whole() {
     played.model.page = Page::Why;
     let screen = text(&buffer(&played.model, COLOUR, 60, 16));
     assert!(screen.contains("Demand: commanded") && screen.contains("nothing limits it"), "{screen}");
-    // The summary after it, too: two engines beside one another.
+    // So is the summary after it: two engines side by side.
     let summary = super::super::summary::text(&played.outcomes, &[], None, 60);
     let (table, _) = summary.split_once("\n\n").expect("a table");
     assert!(table.lines().all(|line| line.chars().count() <= 60) && table.contains("booster"), "{table}");

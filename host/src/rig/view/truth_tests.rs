@@ -32,7 +32,7 @@ fn a_frame_on_a_cut_wire_is_not_delivered() {
     assert!(of_node("") > 5 && of_node("(not delivered: the wire is cut)") == of_node(""), "{lost}");
 }
 
-/// What the node cannot know the summary counts, and the panel, too.
+/// The summary and the panel count what the node cannot know.
 #[test]
 fn the_panel_counts_windows_that_the_ecu_missed() {
     for (played, any) in [(cut(50.0, 53.0, "missed-cut"), true), (pair(53.0, &[], "missed-whole"), false)] {

@@ -61,7 +61,7 @@ fn amt_8_an_error_set_of_a_burning_engine_contradicts_a_report_of_rest() {
     assert_eq!(order(&[false, true, true, false]), Order::Standby, "two consecutive ones");
 }
 
-/// The fall that a lower demand causes is expected after a reset, too, for as long as it would have been without one. A loop of
+/// The fall that a lower demand causes is also expected after a reset, for as long as it would have been without one. A loop of
 /// resets does not prolong it.
 #[test]
 fn amt_8_a_fall_after_a_lower_demand_is_expected_over_a_reset() {

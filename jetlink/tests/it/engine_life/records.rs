@@ -39,7 +39,7 @@ fn an_open_pump_is_retained_until_it_is_closed() {
     assert!(!record(&scenario).pump_open, "closed");
 }
 
-/// ZK-9: that the switch was given by ID 6 is retained. After a reset with nothing received, standby goes there, too; an ECU that was never
+/// ZK-9: that the switch was given by ID 6 is retained. After a reset with nothing received, standby also goes there; an ECU that was never
 /// sent an ID 6 gets it by ID 1 alone.
 #[test]
 fn how_the_switch_was_given_is_retained() {
@@ -161,7 +161,7 @@ fn counts_without_an_order_end_when_a_source_is_received() {
     }
 }
 
-/// What a source commanded of arming is retained over a loss of power, too: one that commanded "arm" all along has to disarm first after a
+/// Arming as commanded by each source is also retained over a loss of power: one that commanded "arm" all along has to disarm first after a
 /// stop, whether the stop came before the loss or after it.
 #[test]
 fn a_source_that_was_armed_has_to_disarm_first_after_a_loss_of_power() {

@@ -86,7 +86,7 @@ fn two_reports_decide_while_no_order_is_in_force() {
         (Ecu::Amt, 0b00001, TURNING, Order::Listen),
         // A start continues as one: no demand before it runs.
         (Ecu::Amt, 0b00010, TURNING, Order::Run(percent(0))),
-        // These may be one, too.
+        // These may also be one.
         (Ecu::Amt, 0b00100, TURNING, held),
         (Ecu::Amt, 0b01000, TURNING, held),
         (Ecu::Amt, 0b11111, TURNING, held),
@@ -330,7 +330,7 @@ fn reset_loop_of_any_period_does_not_hold_a_demand() {
 }
 
 /// A hand-over to PWM is resumed as ID 0, which leaves PWM in charge, until two reports say at rest: then standby. After a loss
-/// of power, too: it can only preserve.
+/// of power as well: it can only preserve.
 #[test]
 fn zk_8_a_hand_over_resumes_as_id_0_after_a_reset() {
     let config = Ecu::Zk.config();

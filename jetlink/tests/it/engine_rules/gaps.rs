@@ -99,7 +99,7 @@ fn one_report_of_a_false_rate_raises_no_doubt() {
     assert_eq!(scenario.telemetry().in_doubt, None);
 }
 
-/// "Damaged frames that keep the beat ... are no gap, for 10 s at most": in rpm mode, too, the demand goes out meanwhile, or
+/// "Damaged frames that keep the beat ... are no gap, for 10 s at most": the demand also goes out meanwhile in rpm mode, or
 /// telemetry says that it does not.
 #[test]
 fn an_rpm_demand_is_sent_through_2_s_of_damaged_frames() {
@@ -204,7 +204,7 @@ fn an_rpm_demand_that_waited_for_the_maximum_rises_at_the_set_rate() {
         scenario.command(Command::Run(rpm(if n < 20 { 60_000 } else { 120_000 }))).ok();
         scenario.pass_us(FRAME_PERIOD_US);
     }
-    // It goes out as ID 7 beside ID 0 until the version is known, too.
+    // Until the version is known, it also goes out as ID 7 beside ID 0.
     assert_eq!(scenario.order(), Order::Doubt(rpm(60_000)), "the maximum is not known");
     assert_eq!(scenario.telemetry().in_doubt, None);
     for _ in 0..2 {

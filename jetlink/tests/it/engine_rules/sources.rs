@@ -131,7 +131,7 @@ fn a_refused_hand_over_uses_up_the_permission() {
     }
 }
 
-/// A source that is present and wants nothing counts as silent over resets, too: a loop too short to listen ends in standby. One that
+/// A source that is present and commands nothing is silent, also over resets: a loop too short to listen ends in standby. One that
 /// commands a run keeps it from that, the control.
 #[test]
 fn a_source_that_is_present_delays_no_standby_in_a_loop_of_resets() {

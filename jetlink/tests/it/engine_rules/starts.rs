@@ -22,7 +22,7 @@ fn disarm_ends_a_start_that_a_reset_has_cut_short() {
     assert_eq!(runs_in(&sent).len(), 0, "disarmed, and the start continues: {sent:?}");
 }
 
-/// "An order to run without a living engine ends: ... or the start's time": over resets, too.
+/// "An order to run without a living engine ends: ... or the start's time": also over resets.
 #[test]
 fn the_time_limit_of_a_start_continues_across_resets() {
     let config = Ecu::Amt.config();

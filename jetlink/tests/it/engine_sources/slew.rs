@@ -192,7 +192,7 @@ fn a_reduction_does_not_wait_for_a_take_over() {
     }
 }
 
-/// A slew holds for a demand of the other kind, too: it rises from what the ECU reports.
+/// A slew also applies to a demand of the other kind: it rises from what the ECU reports.
 #[test]
 fn a_slew_limits_a_demand_of_the_other_kind() {
     let config = Ecu::Zk.with(|s| s.slew.up = Some(100));

@@ -49,7 +49,7 @@ fn zk_9_an_emergency_stop_in_mode_3_begins_with_id_6() {
         bench.order(bench.now_us(), rpm(100_000)).unwrap();
         slots(&mut bench, slots_before);
         let t = bench.now_us() + 17_000;
-        bench.run_to_us(t); // the frame behind a new RPM_X is out, too
+        bench.run_to_us(t); // the frame behind a new RPM_X is also out
         bench.frames();
         bench.order(t, Order::EmergencyStop).unwrap();
         assert_eq!(bench.frames(), [(t, zk::mode(0, STOP).to_vec())], "{slots_before}");
@@ -256,7 +256,7 @@ fn zk_9_rpm_x_stays_with_the_order() {
     assert!(!modes.is_empty() && modes.iter().all(|x| *x == 2), "{modes:?}");
 }
 
-/// ZK-9: an ECU that ran before the first order may have been given its switch by ID 6, so its first run goes there, too.
+/// ZK-9: an ECU that ran before the first order may have been given its switch by ID 6, so its first run also goes there.
 /// Version 3 does not know ID 6 (ZK-7).
 #[test]
 fn zk_9_an_ecu_that_ran_already_gets_its_switch_by_id_6() {
@@ -313,7 +313,7 @@ fn zk_9_after_a_reset_a_switch_of_id_1_stays_there() {
 }
 
 /// ZK-9: an ECU whose switch is another than the one ordered, in two reports in a row later than 0.7 s after the
-/// order, gets it by ID 6, too.
+/// order, also gets it by ID 6.
 #[test]
 fn zk_9_an_ecu_that_does_not_follow_gets_its_switch_by_id_6() {
     // SwSt: 0 stop, 1 standby, 2 run.

@@ -438,7 +438,7 @@ impl Oracle {
         let sliding = if self.on_its_way(at) && !self.lost { self.max_rpm } else { 0 };
         let from = from.max(sliding);
         let limit = if self.held(at) { before.max(sliding) } else { 0 }.max(self.peak_rpm).max(wanted);
-        // In doubt, too, a demand of the other kind cannot be compared.
+        // Nor can a demand of the other kind be compared in doubt.
         let in_doubt = at < self.fault_at + BEHIND_FAULTY;
         let limit = match self.wanted(at) {
             Some(Demand::Throttle(_)) if self.limited || in_doubt => limit.max(before),

@@ -218,7 +218,7 @@ impl Oracle {
             if let Some(source) = &mut self.sources[slot(origin)] {
                 source.permitted = permits.then_some(at);
             }
-            // It may end what nobody's order is, too.
+            // It may also end an order that belongs to no source.
             self.standby_reason = Some(at);
         }
         if let Some(source) = &mut self.sources[slot(origin)] {
