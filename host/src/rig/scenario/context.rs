@@ -273,6 +273,11 @@ impl<'a> ScenarioContext<'a> {
         self.plugs[engine].ecu(act)
     }
 
+    /// Whether the ECU waits for a reply to each of its frames, and gets nothing else.
+    pub fn is_answered(&self, engine: usize) -> bool {
+        self.ecu(engine, |ecu| ecu.protocol().has_reply_window())
+    }
+
     /// Cuts a line or joins it.
     pub fn cut(&self, engine: usize, cut: bool) {
         self.contexts[engine].disturb(&self.plugs[engine], By::Scenario, Fault::Cut, cut);

@@ -35,11 +35,11 @@ pub async fn ecu_power_dip(c: &ScenarioContext<'_>) -> Result<(), String> {
         c.look();
         for i in 0..c.count() {
             let name = c.name(i);
-            let amt = c.name(i) == "amt";
-            let doubts = if amt { ON_WIRE } else { GAP };
+            let answered = c.is_answered(i);
+            let doubts = if answered { ON_WIRE } else { GAP };
             let meanwhile = c.transmitted(i, off + doubts, on);
             c.must(
-                if amt { meanwhile.is_empty() } else { only(&meanwhile, 0, is_standby) },
+                if answered { meanwhile.is_empty() } else { only(&meanwhile, 0, is_standby) },
                 format!("{name}, {what}: nothing that could start an engine is on the wire in the dip"),
             );
             let after = c.transmitted(i, on, end);
