@@ -125,7 +125,7 @@ const fn outputs_of_board() -> u8 {
     }
 }
 
-/// Whether the board's divider measures the supply voltage (`docs/boards.md` has the boards with one). It counts for engines whose ECU
+/// Whether the board's divider measures the supply voltage (`docs/boards.md` has the boards with one). It is used for engines whose ECU
 /// reports none: for the interlock `start.supply_min` and the limit `limits.supply_low`, which are off by default.
 pub const SUPPLY: bool = cfg!(feature = "supply");
 

@@ -2,7 +2,7 @@
 //! it.
 #![cfg_attr(
     feature = "count",
-    allow(dead_code, reason = "with `count` it is not served: its instructions would be counted, too")
+    allow(dead_code, reason = "with `count` it is not served: its instructions would also be counted")
 )]
 
 use crate::attached::{self, ANY, Choice, Chosen, With};

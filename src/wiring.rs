@@ -77,7 +77,7 @@ pub fn record(engine: usize, all: &All, reset: Reset) -> Option<RetainedState> {
 pub fn in_flight() -> Option<All> {
     let flies = |wiring: &Wiring| {
         let memory = RETAINED.0.get(usize::from(wiring.port))?;
-        // Whoever's record it is: what counts is whether the engine is at rest.
+        // Whichever engine's record it is: what matters is whether the engine is at rest.
         memory.load(0, Reset::PowerLost).map(|record| !record.is_at_rest())
     };
     retained().filter(|all| all.iter().any(|wiring| flies(wiring) == Some(true)))

@@ -148,7 +148,7 @@ impl Channel {
         })
     }
 
-    /// Stores what survives a reset, if it has changed. Not a part of `with`, of which there is one for each input.
+    /// Stores what survives a reset, if it has changed. Not a part of `with`, which is compiled once for each input.
     #[inline(never)]
     fn retain(&self, engine: &mut Engine) {
         if let Some(retained) = &self.memory
@@ -354,7 +354,7 @@ impl Setup<'_> {
         self.channel.with(|engine| engine.pressure(now, pressure));
     }
 
-    /// Sets the supply voltage that the board measures, several times a second. It counts where the ECU reports none.
+    /// Sets the supply voltage that the board measures, several times a second. It is used where the ECU reports none.
     pub fn board_supply(&self, voltage: Millivolts) {
         let now = now();
         self.channel.with(|engine| engine.board_supply(now, voltage));

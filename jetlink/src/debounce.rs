@@ -1,4 +1,4 @@
-//! A single odd frame changes nothing: a report of an engine counts when two consecutive frames agree, in every protocol.
+//! A single odd frame changes nothing: a report of an engine is accepted when two consecutive frames agree, in every protocol.
 //! AMT frames have no checksum, and that of ZK lets one in 256 damaged frames through.
 //!
 //! The results are reported to people and used by interlocks. The values that decide about the life of a running engine

@@ -2,7 +2,7 @@
 
 use embassy_time::Duration;
 
-/// What the status LED shows, from the least urgent to the most urgent: of several engines the most urgent counts.
+/// What the status LED shows, from the least urgent to the most urgent: with several engines, the most urgent of them.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]

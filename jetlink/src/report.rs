@@ -200,7 +200,7 @@ pub struct Report {
     pub unknown: Option<Timed<RawFrame>>,
 }
 
-/// Largest age of a reported value that counts as current.
+/// Largest age of a reported value that is still current.
 pub const REPORT_MAX_AGE: Duration = Duration::from_secs(3);
 
 impl Report {
@@ -289,7 +289,7 @@ pub struct Counters {
     pub commands_rejected: u32,
     /// Events dropped, because the queue was full.
     pub events_dropped: u32,
-    /// Smallest margin between the end of a reply and the end of its window (AMT). Never negative: a late reply counts in
+    /// Smallest margin between the end of a reply and the end of its window (AMT). Never negative: a late reply is counted in
     /// `replies_late`.
     pub worst_reply_margin: Option<Duration>,
     /// Largest delay of a send slot (ZK).

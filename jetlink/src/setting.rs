@@ -262,7 +262,7 @@ impl Row {
     }
 }
 
-/// The first parameter in these tables that is the one. All that looks at tables of parameters does it here: each walk of its own is flash.
+/// The first parameter in these tables that is the one. Everything that searches tables of parameters does it here: each further loop costs flash.
 #[inline(never)]
 pub fn find_parameter(
     tables: &[&'static [Row]],

@@ -8,7 +8,7 @@ use crate::report::{Counters, LinkState, REPORT_MAX_AGE, Report, Timed};
 use crate::units::Millivolts;
 use embassy_time::Instant;
 
-/// Shaft speed below which an engine counts as at rest.
+/// Shaft speed below which an engine is considered at rest.
 const REST_RPM: u32 = 1000;
 
 /// A snapshot of one engine.
@@ -69,7 +69,7 @@ pub struct Telemetry {
 }
 
 impl Telemetry {
-    /// A value, if it was received within the last 3 s: an older one does not describe the engine any more.
+    /// A value, if it was received within the last 3 s: an older one no longer describes the engine.
     pub fn current<T: Copy>(&self, value: Option<Timed<T>>) -> Option<T> {
         value.filter(|value| self.is_current(value.at)).map(|value| value.value)
     }

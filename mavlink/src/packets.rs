@@ -83,7 +83,7 @@ impl Connection {
         self.set_suspended(false);
     }
 
-    /// The host has configured the device, or ends that. Either way no program has the port open any more.
+    /// The host has configured the device, or no longer does. Either way no program has the port open.
     pub fn set_configured(&self, configured: bool) {
         self.change(|state| State { configured, terminal: false, received: false, ..state });
     }

@@ -306,7 +306,7 @@ mod tests {
         assert!((14_000..15_100).contains(&sent), "{sent}");
         assert!(port.counters().telemetry_dropped > 9000);
 
-        // Nothing moves any more: telemetry leaves space for answers.
+        // Nothing moves: telemetry leaves space for answers.
         let now = start + Duration::from_secs(60);
         (0..100).for_each(|i| {
             port.send(now + Duration::from_secs(i), FROM, Some(0), Class::Telemetry, &value, None);

@@ -105,7 +105,7 @@ fn values(kind: u8, record: &[u8]) -> impl Iterator<Item = (u16, i32)> {
         .map(|&[h0, h1, v0, v1, v2, v3]| (u16::from_le_bytes([h0, h1]), i32::from_le_bytes([v0, v1, v2, v3])))
 }
 
-/// The values of a record that fit the rows. What is not known any more, or out of its range now, is left out.
+/// The values of a record that fit the rows. What is no longer known, or now out of range, is left out.
 fn read(kind: u8, record: &[u8], table: Table<'_>) -> impl Iterator<Item = (&'static str, i32)> {
     values(kind, record).filter_map(move |(of, value)| {
         let row = find_row(table, &mut |row| hash(row.name) == of)?;

@@ -59,7 +59,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Runner<'a, N, P, A> {
         }
     }
 
-    /// What was counted on a port.
+    /// Counters of a port.
     #[cfg(test)]
     pub(crate) fn port_counters(&self, port: usize) -> Option<crate::port::PortCounters> {
         self.service.borrow().port_counters(port)

@@ -1,4 +1,4 @@
-//! Throttle from an autopilot: when a frame of `SERVO_OUTPUT_RAW` counts, and what a pulse width means.
+//! Throttle from an autopilot: when a frame of `SERVO_OUTPUT_RAW` is valid, and what a pulse width means.
 
 use crate::settings::EngineSettings;
 use embassy_time::{Duration, Instant};
@@ -6,7 +6,7 @@ use jetlink::units::Throttle;
 
 /// Largest delay of a frame behind the quickest one.
 const LATE: Duration = Duration::from_millis(300);
-/// Frames of an autopilot's new clock that agree before it counts.
+/// Frames of an autopilot's new clock that have to agree before it is accepted.
 const AGREE: u8 = 3;
 /// Difference in delay at which frames of a new clock agree.
 const AGREE_WITHIN: i32 = 100_000; // µs
@@ -39,7 +39,7 @@ enum Candidate {
 }
 
 impl FrameClock {
-    /// Whether a frame counts: its time has advanced, and it is not late. When the autopilot restarts, its time goes back;
+    /// Whether a frame is valid: its time has advanced, and it is not late. When the autopilot restarts, its time goes back;
     /// three frames that agree make a new beginning.
     ///
     /// Where the old clock was younger than a restart takes, the new one is past it, and all its frames are late. So are
@@ -89,7 +89,7 @@ impl FrameClock {
         false
     }
 
-    /// Whether a late frame is one of a new clock, which counts from now on.
+    /// Whether a late frame is one of a new clock, which is used from now on.
     fn restarted(&mut self, now: Instant, delay: u32, gap: bool, disarmed: bool) -> bool {
         let (first_delay, since) = match self.candidate {
             Some(Candidate::Late { first_delay, since }) if !gap => (first_delay, since),

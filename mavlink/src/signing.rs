@@ -1,7 +1,7 @@
 //! Signing of MAVLink 2: only a sender with the key may command, whoever else can write on the link.
 //!
 //! A signed frame ends with the number of its link, a time stamp and the first 48 bits of SHA-256 over key, frame, link and stamp.
-//! Every sender (system, component, link) counts its stamps up, so that a frame which was recorded and is sent again is known.
+//! Every sender (system, component, link) increments its time stamps, so that a recorded frame that is sent again is recognised.
 //! A node has no clock of the day: its stamps continue from the last one that was kept, and follow those that it accepts.
 
 use crate::ids::{Address, MAX_FRAME};
@@ -210,7 +210,7 @@ impl SigningState {
     /// Without a key: nothing is signed, and nothing has to be.
     pub const NONE: Self = Self::new(None, Stamp::ZERO);
 
-    /// What counts at a start: what a reset has left in RAM, and what is stored. The newer stamp counts, and the key in RAM, which is as new.
+    /// The state at a start, from what a reset has left in RAM and from what is stored: the newer stamp, and the key in RAM, which is as new.
     /// No key in RAM clears none that is stored: it may not have been read at the last start.
     #[cfg(feature = "signing")]
     pub fn at_start(retained: Option<Self>, stored: Option<Self>) -> Self {
@@ -459,7 +459,7 @@ mod tests {
         assert_eq!(signing.judge(at(0), 1, FROM, right(0, OURS + 10 * SECOND)), Ok(()));
         assert_eq!(signing.judge(at(0), 2, FROM, right(0, OURS)), Err(Ignored::Duplicate));
         assert_eq!(signing.judge(at(0), 2, FROM, right(0, OURS - 1)), Err(Ignored::Replayed));
-        // The first that comes counts, by either port.
+        // The first one is used, by either port.
         assert_eq!(signing.judge(at(0), 2, FROM, right(0, OURS + 11 * SECOND)), Ok(()));
         assert_eq!(signing.judge(at(0), 1, FROM, right(0, OURS + 11 * SECOND)), Err(Ignored::Duplicate));
     }

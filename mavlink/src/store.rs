@@ -424,7 +424,7 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
             self.space = Some(Space { free: free.saturating_sub(needed), dirty: false });
             self.sequence = self.sequence.max(sequence);
             if !self.rewriting && self.map.flash().only.take().is_some() {
-                // These records count now, and those in the other sector do not any more.
+                // These records apply now, and those in the other sector no longer do.
                 self.space = None;
             }
         } else {
@@ -442,9 +442,9 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         Ok(())
     }
 
-    /// Begins to rewrite all records, for a memory that does not take one any more, is damaged or has foreign data: they go into
-    /// the other sector, each by [`Store::save`]. The previous ones apply until the last one is saved, which [`Store::end_rewrite`] announces. A
-    /// save more, of whatever record, erases the old ones.
+    /// Begins to rewrite all records, for a memory that accepts no more records, is damaged or has foreign data: they go into
+    /// the other sector, each by [`Store::save`]. The previous ones apply until the last one is saved, which [`Store::end_rewrite`] announces. One
+    /// more save, of any record, erases the old ones.
     ///
     /// # Errors
     /// [`NotSaved`].
@@ -452,7 +452,7 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         if !self.at_rest.get() {
             return Err(NotSaved::Full);
         }
-        // Not known any more, if this fails.
+        // Unknown, if this fails.
         self.space = None;
         self.clean().await?;
         let guard = self.map.flash();

@@ -92,7 +92,7 @@ impl Vehicle {
         self.id.is_some() && self.arming == Arming::Unknown && self.shows_by.is_some_and(|at| now < at)
     }
 
-    /// The same vehicle, of which nothing was received.
+    /// The same vehicle, as if nothing had been received from it.
     #[cfg(feature = "signing")]
     pub fn forgotten(&self) -> Self {
         Self { learns: self.learns, learnt: self.learnt, ..Self::new(self.id.unwrap_or(0), 0) }

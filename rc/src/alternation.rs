@@ -49,7 +49,7 @@ mod tests {
     use super::*;
     use std::vec::Vec;
 
-    /// Whether a throttle alternates with each of these pulses, one every so many ms.
+    /// Whether a throttle alternates with each of these pulses, one every given number of ms.
     fn play(every: u64, pulses: &[u16]) -> Vec<bool> {
         let mut alternation = Alternation::NEW;
         let times = (0..).map(|i| Instant::from_millis(i * every));

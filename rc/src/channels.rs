@@ -26,7 +26,7 @@ impl Pulse {
         self.0
     }
 
-    /// From the number of an SBUS or CRSF channel, of which the lower 11 bits count: 992 is 1500 µs, and 8 steps are 5 µs. So
+    /// From the number of an SBUS or CRSF channel, of which the lower 11 bits are used: 992 is 1500 µs, and 8 steps are 5 µs. So
     /// every number is a pulse of 880 to 2159 µs.
     pub(crate) const fn of_steps(steps: u16) -> Self {
         let steps = steps & STEPS_MAX;

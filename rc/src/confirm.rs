@@ -1,4 +1,4 @@
-//! When a value counts: it is the median of three consecutive good frames that came at a plausible rate.
+//! When a value is valid: it is the median of three consecutive good frames, received at a plausible rate.
 //!
 //! SBUS has no checksum, the CRC-8 of CRSF lets one damaged frame in 256 through, and a pulse may be a spike. The median of
 //! three drops whatever a single frame says, and costs one frame of delay.
@@ -10,7 +10,7 @@ use embassy_time::{Duration, Instant};
 /// Frames that may come at once, because the task was late.
 const BURST: u32 = 4;
 
-/// Why a good frame has no value that counts yet.
+/// Why a good frame has no valid value yet.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum NotYet {
     /// It is the first or second of a row.
@@ -64,7 +64,7 @@ impl<const N: usize> Confirm<N> {
         Ok(result)
     }
 
-    /// Takes a good frame of all channels: those that count with it. One that came too fast is counted.
+    /// Takes a good frame of all channels, and returns the valid ones. One that came too early is counted.
     pub fn channels(&mut self, now: Instant, pulses: [Pulse; N], too_fast: &mut u32) -> Option<Channels> {
         match self.frame(now, pulses) {
             Ok(pulses) => Some(Channels::new(pulses.map(Some))),
@@ -92,7 +92,7 @@ mod tests {
         Pulse::new(us).unwrap()
     }
 
-    /// Frames at these times in ms; what counts.
+    /// Frames at these times in ms; the valid values.
     fn play(confirm: &mut Confirm<1>, frames: &[(u64, u16)]) -> std::vec::Vec<Result<u16, NotYet>> {
         let play = |&(at, us): &(u64, u16)| {
             confirm.frame(Instant::from_millis(at), [pulse(us)]).map(|[value]| value.us())

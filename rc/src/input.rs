@@ -18,8 +18,8 @@ pub enum Input {
 }
 
 impl Input {
-    /// Takes bytes of a UART up to the end of one frame, and returns how many it took, with the values that count. An input of
-    /// pulses takes them all and makes nothing of them.
+    /// Takes bytes of a UART up to the end of one frame, and returns how many it took, with the valid values. An input of
+    /// pulses takes them all and ignores them.
     pub fn receive(&mut self, now: Instant, bytes: &[u8]) -> (usize, Option<Channels>) {
         match self {
             Self::Sbus(sbus) => sbus.receive(now, bytes),

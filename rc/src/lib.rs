@@ -6,7 +6,7 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | [`channels`], `confirm` | channels of a receiver; when a value counts |
+//! | [`channels`], `confirm` | channels of a receiver; when a value is valid |
 //! | [`sbus`], [`crsf`], [`pwm`], [`input`] | the three inputs, and one type for all |
 //! | [`edges`] | pulses from the edges that a timer catches |
 //! | [`reception`] | what came of all that was received, for people |
@@ -18,7 +18,7 @@
 //! | [`starts`] | a firmware that fails at each start |
 //! | [`shared`], `parameters` | outputs as others see them; with the feature `mavlink`, settings as parameters and what it reports |
 //!
-//! **A value counts when it is the median of three consecutive good frames.** So no single damaged frame moves a throttle or
+//! **A value is valid when it is the median of three consecutive good frames.** So no single damaged frame moves a throttle or
 //! a switch, with or without a checksum.
 //!
 //! The decoders are our own. The package `sbus-rs` 0.1.3 has no time and takes every 0x0F for a beginning: a stream that it

@@ -12,13 +12,13 @@ use jetlink::report::{LinkState, Phase};
 use jetlink::telemetry::Telemetry;
 use jetlink::units::Celsius;
 
-/// Fall of the exhaust temperature that counts, in 0.1 °C.
+/// Fall of the exhaust temperature that shows cooling, in 0.1 °C.
 const EGT_FALL: i16 = 200;
 /// Exhaust temperature at which an engine is cold.
 const COLD: Celsius = Celsius::from_tenths(1000);
 /// Below this the report of an exhaust is wrong.
 const COLDEST: Celsius = Celsius::from_tenths(-400);
-/// Time of reports of a cold engine until its starter is not needed any more.
+/// Time of reports of a cold engine until its starter is no longer needed.
 const COLD_FOR: Duration = Duration::from_secs(3);
 
 /// Fuel valve.
@@ -353,7 +353,7 @@ impl Outputs {
             self.cold_since = None;
             return false;
         };
-        // By the reports: a single one is none for longer, however long it counts.
+        // By the reports: a single one is not enough, however long it stays current.
         at.saturating_duration_since(*self.cold_since.get_or_insert(at)) >= COLD_FOR
     }
 }

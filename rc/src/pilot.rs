@@ -4,8 +4,8 @@
 //! moved there from stop with the stick at idle. *Run allowed* starts, if the switch has moved there from standby with the
 //! stick at idle and steady, and otherwise moves the throttle of an engine that is ordered to run.
 //!
-//! **Only what moves in sight counts as a move:** a position that is found at power-up or after a pause starts, arms, releases
-//! and shuts down nothing. Stop counts as a position, after a pause once it has been held.
+//! **Only a movement that is received is a move:** a position that is found at power-up or after a pause starts, arms, releases
+//! and shuts down nothing. Stop is obeyed as a position, after a pause once it has been held.
 //!
 //! Frames come in, commands go out, one at most for each frame but for a stop or a release. Without a frame there is no command: then the
 //! engine's stages of loss begin. Nothing here has a timer.
@@ -28,9 +28,9 @@ use jetlink::units::{Rpm, Throttle};
 const GAP: Duration = Duration::from_millis(200);
 /// Time after a gap for which a position has to be held for longer.
 const RETURN: Duration = Duration::from_secs(1);
-/// Time for which a position is held until it counts, after a gap.
+/// Time for which a position has to be held until it is accepted, after a gap.
 const HOLD_RETURN: Duration = Duration::from_millis(300);
-/// The same without a gap, for all positions but stop, which counts at once.
+/// The same without a gap, for all positions but stop, which is accepted at once.
 const HOLD: Duration = Duration::from_millis(60);
 /// Least pulse of a throttle, and of a stop beside one that cannot be read, in µs: an autopilot that starts gives 881 µs on all its outputs.
 const DRIVEN: u16 = 900;
@@ -99,14 +99,14 @@ struct Reading {
     handed_over: bool,
 }
 
-/// What counts of a frame.
+/// What of a frame is used.
 #[derive(Clone, Copy, Debug)]
 struct Settling {
     /// Position of the switch before it.
     before: Option<Position>,
-    /// Its position counts.
+    /// Its position.
     position: bool,
-    /// All that is read counts.
+    /// Everything that is read.
     all: bool,
 }
 
@@ -253,7 +253,7 @@ impl<'a> Pilot<'a> {
         self.source.handle().telemetry()
     }
 
-    /// Forgets what was seen: no move counts that began before.
+    /// Forgets what was seen: a move that began before is ignored.
     const fn forget(&mut self) {
         self.last = None;
         (self.idle_since, self.standby_since) = (None, None);
@@ -261,7 +261,7 @@ impl<'a> Pilot<'a> {
         self.moved = false;
     }
 
-    /// Takes the values of a frame that count.
+    /// Takes the valid values of a frame.
     pub fn frame(&mut self, now: Instant, channels: &Channels) -> Outcome {
         let outcome = self.judge(now, channels);
         let counters = &mut self.counters;
@@ -331,7 +331,7 @@ impl<'a> Pilot<'a> {
         Outcome::Commanded(command, self.source.command(command))
     }
 
-    /// A frame of which a channel cannot be read. Only a stop counts, once it has been held: a broken stick must not disable it.
+    /// A frame with a channel that cannot be read. Only a stop is obeyed, once it has been held: a broken stick must not disable it.
     fn unreadable(&mut self, now: Instant, channels: &Channels, why: Ignored) -> Outcome {
         let pulse =
             channels.get(self.settings.switch).filter(|pulse| why != Ignored::Off && pulse.us() >= DRIVEN);
@@ -420,7 +420,7 @@ impl<'a> Pilot<'a> {
             self.switch.see(now, position, hold)
         });
         let handed_over = self.hand_over.see(now, reading.handed_over, hold);
-        // Nothing but the stop counts while it is not known who is to have the throttle.
+        // Only the stop is obeyed while it is not known who is to have the throttle.
         let stop = reading.position == Some(Position::Stop);
         Settling { before, position, all: position && (handed_over || stop) }
     }

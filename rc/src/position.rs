@@ -42,7 +42,7 @@ pub(crate) fn is_on(pulse: Pulse) -> Option<bool> {
     }
 }
 
-/// A position that counts once it has been seen for a while.
+/// A position that is accepted once it has been seen for a while.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Settled<T> {
     value: Option<T>,
@@ -59,7 +59,7 @@ impl<T: Copy + PartialEq> Settled<T> {
         self.candidate = None;
     }
 
-    /// Takes a position, which counts when it has been seen for `hold`. True if it counts.
+    /// Takes a position, which is accepted when it has been seen for `hold`. True if it is.
     pub fn see(&mut self, now: Instant, seen: T, hold: Duration) -> bool {
         if self.value == Some(seen) {
             self.candidate = None;

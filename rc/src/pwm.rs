@@ -35,7 +35,7 @@ pub struct PwmCounters {
 #[derive(Clone, Debug)]
 struct Channel {
     confirm: Confirm<1>,
-    /// The value that counts, and since when.
+    /// The valid value, and since when.
     value: Option<(Pulse, Instant)>,
     counters: PwmCounters,
 }

@@ -1,4 +1,4 @@
-//! What came of all that a receiver has sent, for people: the same counts for every input.
+//! What became of the frames of a receiver, for people: the same counters for every input.
 
 use crate::input::Input;
 use crate::pilot::PilotCounters;
@@ -22,7 +22,7 @@ pub struct Reception {
 impl core::ops::Add for Reception {
     type Output = Self;
 
-    /// The counts of two lives of a node.
+    /// The counters of two lives of a node.
     fn add(self, other: Self) -> Self {
         Self {
             good: self.good.wrapping_add(other.good),

@@ -38,7 +38,7 @@ pub async fn run_pulses<const N: usize>(
 }
 
 /// Serves the UART of a receiver. The service is borrowed for the time of a call only, so that others can configure it. `errors` are counted by
-/// the UART's interrupt. `after` gets what came of each frame that counts, for each engine by its place.
+/// the UART's interrupt. `after` gets the outcome of each valid frame, for each engine by its place.
 ///
 /// Its reader has to wake at each byte, not when its buffer is half full: an SBUS frame is known by the pause before it. Nothing
 /// of an engine's link waits for it, but a stop of the transmitter passes through it.

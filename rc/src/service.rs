@@ -20,7 +20,7 @@ pub struct Service<'a, const N: usize> {
     pilots: Vec<Pilot<'a>, N>,
     /// The UART reported a fault with the bytes before.
     fault_before: bool,
-    /// The values that counted last.
+    /// The last valid values.
     last: Option<(Instant, Channels)>,
 }
 
@@ -104,8 +104,8 @@ impl<'a, const N: usize> Service<'a, N> {
         }
     }
 
-    /// Takes bytes, the last of which was received at `now` or before. `fault`: the UART has reported a fault since the last call.
-    /// `outcome` gets what came of each frame that counts, for each engine by its place.
+    /// Takes bytes; the last one was received at `now` or before. `fault`: the UART has reported a fault since the last call.
+    /// `outcome` gets the outcome of each valid frame, for each engine by its place.
     pub fn receive(
         &mut self,
         now: Instant,

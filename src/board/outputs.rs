@@ -17,7 +17,7 @@ pub fn drive_output(number: u8, high: bool) {
     }
     if gpio.moder().read().moder(pin) != Moder::OUTPUT {
         gpio.pupdr().modify(|w| w.set_pupdr(pin, Pupdr::FLOATING));
-        // Last: from here on the level counts.
+        // Last: from here on the level is driven.
         gpio.moder().modify(|w| w.set_moder(pin, Moder::OUTPUT));
     }
 }

@@ -11,7 +11,7 @@
 //!
 //! The hardware raises these flags together with an interrupt that is enabled anyway (RXNEIE: a byte
 //! was received or lost), and the driver clears every flag that the monitor saw before the interrupt
-//! returns: each error counts once, and consecutive lost bytes count once. The H7's driver enables
+//! returns: each error is counted once, and consecutive lost bytes are counted once. The H7's driver enables
 //! the UART's FIFO; the flags are then those of the byte at its head. An error that is raised between
 //! the two reads, a few dozen ns, is not counted; its byte is still received.
 

@@ -126,7 +126,7 @@ mod timer {
                 let is_high = gpio.idr().read().idr(pin) == Idr::HIGH;
                 match edges.borrow_mut().edge(now, place, count, is_high) {
                     Caught::Edge => {}
-                    // As many as wait are older than what counts: the rest is dropped.
+                    // As many as wait are older than what is used: the rest is dropped.
                     Caught::Pulse(pulse) => drop(PULSES.try_send(pulse)),
                     Caught::Noise => REGISTERS.dier().modify(|w| w.set_ccie(place, false)),
                 }

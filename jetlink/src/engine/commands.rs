@@ -21,7 +21,7 @@ use embassy_time::{Duration, Instant};
 
 /// Longest wait of a start for other engines of the group.
 const START_WAIT_MAX: Duration = Duration::from_secs(180);
-/// Time that all sources get to be received before a stream of standby counts, while it is not known which source was in
+/// Time that all sources get to be received before a stream of standby is obeyed, while it is not known which source was in
 /// control.
 const LISTEN_TO_SOURCES: Duration = Duration::from_secs(1);
 
@@ -172,7 +172,7 @@ impl Engine {
         now >= self.started + LISTEN_TO_SOURCES
     }
 
-    /// Whether a higher source was in control before the order ended. The standby of a lower source counts only when that
+    /// Whether a higher source was in control before the order ended. The standby of a lower source is obeyed only when that
     /// source has been lost for as long as it takes to end its run.
     fn run_of_a_higher_one(&self, now: Instant, origin: Origin) -> bool {
         let Mode::Listen(finding) = &self.mode else { return false };
@@ -536,7 +536,7 @@ impl Engine {
     fn steady_link(&self, now: Instant) -> Result<(), Interlock> {
         let time = self.config.start.link_stable;
         let stable = self.link.status().up_since.is_some_and(|since| now >= since + time);
-        // A gap counts before it is a loss of the link.
+        // A gap is decisive before it is a loss of the link.
         let steady = self.last_gap.is_none_or(|gap| gap.checked_add(time).is_some_and(|at| now >= at));
         let receiving = self.link.status().state == LinkState::Up && self.link.gap_at().is_some();
         if stable && steady && receiving { Ok(()) } else { Err(Interlock::Link) }

@@ -97,7 +97,7 @@ pub struct Engine {
     pub(super) armed: bool,
     /// Sources whose standby permits their next run to start the engine, in the order of [`Origin::ALL`].
     pub(super) permitted: Origins,
-    /// Sources that last commanded "arm", and those that have to disarm before their "arm" counts again.
+    /// Sources that last commanded "arm", and those that have to disarm before their "arm" is accepted again.
     pub(super) arm_commanded: Origins,
     pub(super) must_disarm: Origins,
     pub(super) start_wait: Option<StartWait>,

@@ -66,7 +66,7 @@ pub(super) struct Exhaust {
     /// Time for which lower demands have excused a fall, and the last time that was looked at.
     excused: Duration,
     seen: Option<Instant>,
-    /// The sensor jumped, or gave what none can: a cold value counts again only after two hot ones.
+    /// The sensor jumped, or gave what none can: a cold value is accepted again only after two hot ones.
     distrusted: bool,
 }
 
@@ -176,7 +176,7 @@ impl Exhaust {
         fall != Fall::NotExpected && self.excused < EXCUSED_MAX
     }
 
-    /// Nothing is known of the exhaust any more, and a cold value counts only after two hot ones.
+    /// The exhaust is unknown, and a cold value is accepted only after two hot ones.
     const fn unread(&self) -> Self {
         Self {
             distrusted: true,

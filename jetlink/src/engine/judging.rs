@@ -125,7 +125,7 @@ impl Engine {
         let known = self.sources.silent_from(finding.active_source).or_else(commanded);
         let lost_for = match known {
             Some(at) => now.saturating_duration_since(at),
-            // Silence before a reset counts until a source is received, beyond the longest source timeout.
+            // Silence before a reset is added until a source is received, beyond the longest source timeout.
             None => {
                 let silent = finding.lost_for + now.saturating_duration_since(finding.since);
                 let longest = self.config.timeouts.longest().as_ticks();

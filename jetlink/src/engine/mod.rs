@@ -170,7 +170,7 @@ impl Engine {
         self.link.pressure(now, pressure);
     }
 
-    /// Takes the supply voltage that the board measures. It counts where the ECU reports none: for the interlock of a start
+    /// Takes the supply voltage that the board measures. It is used where the ECU reports none: for the interlock of a start
     /// (`start.supply_min`) and the limit (`limits.supply_low`).
     pub fn board_supply(&mut self, now: Instant, voltage: Millivolts) {
         self.board_supply = Some(Timed::new(voltage, now));

@@ -31,7 +31,7 @@ impl Engine {
         (self.armed, self.failed) = (retained.armed, retained.failed);
         self.arm_commanded = Origins::from_bits(retained.arm_commanded);
         self.must_disarm = Origins::from_bits(retained.must_disarm);
-        // This reset counts until a source is received.
+        // This reset is counted until a source is received.
         self.resets = retained.resets.saturating_add(1);
         self.last_retained = Some(retained);
         self.retained = Some(retained);

@@ -93,7 +93,7 @@ pub struct RetainedState {
     pub fall_expected: Duration,
     /// Sources that last commanded "arm", a bit each in the order of [`Origin::ALL`].
     pub arm_commanded: u8,
-    /// Sources that have to disarm before their "arm" counts again, in the same order.
+    /// Sources that have to disarm before their "arm" is accepted again, in the same order.
     pub must_disarm: u8,
 }
 

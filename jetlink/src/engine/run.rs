@@ -189,7 +189,7 @@ impl Run {
         }
     }
 
-    /// Begin of the fail-safe stage. Silence from before a reset counts.
+    /// Begin of the fail-safe stage. Silence from before a reset is included.
     fn lose(&mut self, now: Instant, sources: &Sources, config: &Supervision) -> Instant {
         let silent_from = sources.silent_from(self.active_source).unwrap_or(now).min(now);
         let before = self.carried.silent.as_ticks().saturating_sub(self.timeout(config).as_ticks());
@@ -212,7 +212,7 @@ impl Run {
     }
 
     /// Begin of the last stage of loss: as configured, otherwise 10 s after the fail-safe stage if no engine is known to run.
-    /// Silence from before a reset counts.
+    /// Silence from before a reset is included.
     fn standby_at(&self, fail_safe_at: Instant, by: &Arbitration<'_>) -> Option<Instant> {
         let after = by.config.loss.standby_after.or((!by.living).then_some(RUN_OUT))?;
         let until_fail_safe = (self.timeout(by.config) + by.config.loss.hold).as_ticks();

@@ -227,7 +227,7 @@ impl Shaper {
                 let most = reduced(commanded, shape.reduced_to);
                 let ramp = u32::from(config.loss.ramp);
                 if in_control && most.is_below(self.moving.demand()) {
-                    // A lower demand of the source in control counts: above the fail-safe by the faster of the two rates.
+                    // A lower demand of the source in control is obeyed: above the fail-safe by the faster of the two rates.
                     let above = safe.is_below(self.moving.demand());
                     let down = slew.down.map(|down| if above { down.max(ramp) } else { down });
                     (most, Rates { up: None, down })
@@ -397,7 +397,7 @@ impl Lowered {
         self.falls_until.map_or(Duration::from_ticks(0), |until| until.saturating_duration_since(now))
     }
 
-    /// `sent`: it goes to the ECU. In doubt it may not: a demand that is lowered then counts until it does, and from then on.
+    /// `sent`: it goes to the ECU. In doubt it may not: a demand that is lowered then is a lowering until it does, and from then on.
     pub fn observe(&mut self, now: Instant, demand: Demand, sent: bool) {
         let (value, from, band) = match (demand, self.from) {
             (Demand::Throttle(demand), Demand::Throttle(from)) => {

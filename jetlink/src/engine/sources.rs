@@ -33,7 +33,7 @@ pub(super) struct StandbyOutcome {
 struct Source {
     intent: Intent,
     last_rx: Instant,
-    /// Time from which it counts as silent, unless it is received again.
+    /// Time from which it is silent, unless it is received again.
     silent_from: Instant,
     /// Time since which it has been received without a gap, and for how long before the last reset.
     since: Instant,
@@ -156,7 +156,7 @@ impl Sources {
                 None => (now, never, false),
             };
             let silent_from = match (intent, before) {
-                // "Present" counts as silence from the first such command on.
+                // "Present" is treated as silence from the first such command on.
                 (Intent::Nothing, Some(Source { intent: Intent::Nothing, silent_from, .. })) => silent_from,
                 (Intent::Nothing, Some(source)) => source.silent_from.min(now),
                 (Intent::Nothing, None) => now,
@@ -255,7 +255,7 @@ impl Sources {
         self.source(origin).map(|source| source.last_rx)
     }
 
-    /// Time from which a source counts as silent.
+    /// Time from which a source is silent.
     pub fn silent_from(&self, origin: Origin) -> Option<Instant> {
         self.source(origin).map(|source| source.silent_from)
     }

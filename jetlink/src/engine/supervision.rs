@@ -127,7 +127,7 @@ impl Engine {
         }
     }
 
-    /// Updates whether an engine that ran counts as failed: its ECU is silent, or reports faults instead of a state.
+    /// Updates whether an engine that ran has failed: its ECU is silent, or reports faults instead of a state.
     fn note_failure(&mut self, now: Instant) {
         let Mode::Run(run) = &self.mode else { return };
         if !run.life.reached() {

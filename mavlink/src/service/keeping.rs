@@ -61,7 +61,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
     }
 
     /// Offers the wiring of engines as parameters of the node, which the code that builds the service stores and uses at its next start. `wiring`
-    /// is what is stored, `image` what counts where nothing is. Where the stored one contradicts itself, which engine cannot have it, and why.
+    /// is what is stored, `image` what applies where nothing is stored. Returns which engine cannot have a stored wiring that contradicts itself, and why.
     pub fn set_wiring(
         &mut self,
         wiring: &[Wiring],
@@ -303,7 +303,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         let row = parameter.row;
         match place {
             Place::Node => self.set_of_node(parameter, old),
-            // Refused only where the engine has begun to turn: then the new one counts until the next start.
+            // Refused only where the engine has begun to turn: then the new one applies until the next start.
             Place::Engine(engine) if self.attached.number(engine, row.name).is_some() => {
                 let _ = self.attached.set(engine, row.name, old);
             }

@@ -56,7 +56,7 @@ pub struct Counters {
     pub commands_refused: u32,
     /// Parameters that were set.
     pub parameters_set: u32,
-    /// Frames of our autopilot's outputs that counted.
+    /// Valid frames of our autopilot's outputs.
     pub demands: u32,
     /// Frames of outputs that were repeated or late.
     pub demands_late: u32,
@@ -90,7 +90,7 @@ pub struct Service<'a, const N: usize, const P: usize, A: Attached = Nothing> {
     image: &'a [Wiring],
     /// The engine, from 0, that the stored wiring cannot have, and why.
     contradiction: Option<(usize, Contradiction)>,
-    /// As they were at the start: a change counts from the next one on.
+    /// As they were at the start: a change takes effect at the next one.
     base: u8,
     autopilot_port: Option<usize>,
     engines: Vec<Engine<'a>, N>,
@@ -272,7 +272,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         self.ports.get(port).is_some_and(Port::is_waiting)
     }
 
-    /// What the node has to do besides. Let the answer go out first. Where it is not returned any more, it is off: an engine
+    /// What else the node has to do. Let the answer go out first. Once it is no longer returned, it is off: an engine
     /// has begun to turn.
     pub fn request(&mut self, now: Instant) -> Option<Request> {
         if self.reboot && self.any_turns() {
@@ -288,7 +288,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         &self.attached
     }
 
-    /// What was counted.
+    /// Counters.
     pub fn counters(&self) -> Counters {
         self.counters
     }
@@ -300,7 +300,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         engine.map(|engine| core::mem::take(&mut engine.commanded)).into_iter().flatten()
     }
 
-    /// What was counted on a port.
+    /// Counters of a port.
     pub fn port_counters(&self, port: usize) -> Option<PortCounters> {
         self.ports.get(port).map(Port::counters)
     }

@@ -95,7 +95,7 @@ impl Half {
 /// Switch and RPM_X sent to the ECU in ID 6 during this conversation.
 #[derive(Clone, Copy, Debug)]
 enum Id6 {
-    /// No switch, or SW 0 after one: the switch of ID 1 counts.
+    /// No switch, or SW 0 after one: the ECU obeys the switch of ID 1.
     Released,
     /// A switch, in a frame that is being sent. It may arrive even if the UART reports an error.
     Sending {

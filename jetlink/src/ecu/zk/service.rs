@@ -262,7 +262,7 @@ impl PumpClosing {
         None
     }
 
-    /// The last frame was sent. Only a sent command counts: a failing transmitter must not leave a pump open.
+    /// The last frame was sent. Only a command that was sent is counted: a failing transmitter must not leave a pump open.
     pub fn sent(&mut self, now: Instant) {
         let Self::Sending(FramesLeft { count, since }) = *self else { return };
         *self = match count.saturating_sub(1) {
