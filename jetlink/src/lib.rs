@@ -114,7 +114,7 @@
 //!
 //! # Errors
 //!
-//! Every error has a text that tells a person what to do, and implements [`core::error::Error`].
+//! Every error has a text that says what to do, and implements [`core::error::Error`].
 //!
 //! | error | of |
 //! |---|---|
