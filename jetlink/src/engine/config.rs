@@ -48,6 +48,7 @@ settings! {
 settings! {
     /// The stages of loss of the source in control.
     pub struct Loss, "loss.", AtOnce {
+        /// A hold that is under way keeps its length: a new value applies from the next loss on.
         hold: ms "LOSS_HOLD" = 1000 in 0..=60_000, "Time for which the last demand is held, counted from the source's timeout.";
         throttle: throttle "LOSS_THR" = 0 in 0..=1000, "Fail-safe throttle. It only ever lowers: a lower demand stays. An rpm demand goes to the engine's idle rpm instead.";
         ramp: rate "LOSS_RAMP" = 500 in 10..=65_535, "Rate at which the demand goes to the fail-safe throttle.";

@@ -57,6 +57,35 @@ fn each_stage_of_loss_begins_exactly_to_the_tick() {
     }
 }
 
+/// "A hold that is under way keeps its length": a new one, longer or shorter, applies from the next loss on. The fail-safe throttle
+/// applies at once.
+#[test]
+fn a_hold_that_is_changed_while_it_lasts_keeps_its_length() {
+    for ecu in BOTH {
+        for hold in [5 * SECOND, 200_000] {
+            let mut config = ecu.with(|s| s.loss = loss(SECOND, 20, 60_000, None));
+            let mut scenario = Scenario::started_with(ecu, config, percent(50));
+            let lost = scenario.now_us() + SOURCE_TIMEOUT_US;
+            scenario.run_to_us(lost + SECOND / 2);
+            config.supervision.loss = loss(hold, 30, 60_000, None);
+            let now = scenario.now_us();
+            scenario.bench.act(|engine, _| engine.configure(at_us(now), &config.supervision)).unwrap();
+            scenario.run_to_us(lost + 2 * SECOND);
+            let first = [(lost, LossStage::Hold), (lost + SECOND, LossStage::FailSafe)];
+            assert_eq!(stages(&mut scenario), first, "{ecu:?} {hold}");
+            assert_eq!(scenario.tenths(), 300, "{ecu:?} {hold}");
+
+            scenario.fly_us(run(50), Origin::Rc, 4 * SECOND);
+            assert_eq!(scenario.telemetry().loss, LossStage::None, "{ecu:?} {hold}");
+            let _ = stages(&mut scenario);
+            let lost = scenario.telemetry().source_last_rx.unwrap().as_micros() + SOURCE_TIMEOUT_US;
+            scenario.run_to_us(lost + hold + SECOND);
+            let second = [(lost, LossStage::Hold), (lost + hold, LossStage::FailSafe)];
+            assert_eq!(stages(&mut scenario), second, "{ecu:?} {hold}");
+        }
+    }
+}
+
 /// By default: hold 1 s, then idle at 50 % a second, never standby.
 #[test]
 fn loss_by_default_is_idle_and_never_standby() {
