@@ -359,7 +359,7 @@ fn a_start_needs_a_cool_exhaust() {
     // An old temperature is none.
     let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
     scenario.silent();
-    // Without a gap in the beat.
+    // Without a gap.
     for _ in 0..24 {
         let t = scenario.now_us() + FRAME_PERIOD_US;
         scenario.bench.rx_at_us(t, &zk_frames::idle(5, false));

@@ -423,7 +423,7 @@ fn bytes_from_before_a_pause_are_not_part_of_a_set_after_it() {
 
 /// AMT-3: what each kind of set reports about the life of the engine.
 #[test]
-fn each_set_gives_the_sign_of_its_state() {
+fn each_set_gives_the_observation_of_its_state() {
     let state = |stage, rpm: u8| Observation::State {
         stage,
         turning: Some(rpm >= 20),
@@ -471,7 +471,7 @@ fn each_set_gives_the_sign_of_its_state() {
     }
 }
 
-/// A gap begins 375 ms behind the last set, three of its intervals. Damaged sets keep the beat, for 10 s; single bytes and a
+/// A gap begins 375 ms behind the last set, three of its intervals. Damaged sets prevent it, for 10 s; single bytes and a
 /// steady babble do not.
 #[test]
 fn three_missing_sets_are_a_gap() {
@@ -483,7 +483,7 @@ fn three_missing_sets_are_a_gap() {
     assert_eq!(gap(&bench), Some(1_375_000));
     bench.machine.line_error(LineError::Framing);
     bench.rx_at_us(1_125_000, &frame);
-    assert_eq!(gap(&bench), Some(1_500_000), "damaged, it keeps the beat");
+    assert_eq!(gap(&bench), Some(1_500_000), "a damaged set prevents the gap");
     bench.rx_at_us(1_250_000, &[0x12, 0x34, 0x56]);
     assert_eq!(gap(&bench), Some(1_500_000), "three bytes are no set");
     for step in 3..200u64 {
@@ -498,7 +498,7 @@ fn three_missing_sets_are_a_gap() {
     let t = bench.now_us() + FRAME_PERIOD_US;
     bench.rx_at_us(t, &frame);
     assert_eq!(gap(&bench), Some(t + 375_000));
-    // A steady babble keeps no beat beyond its first burst.
+    // A steady babble prevents no gap beyond its first burst.
     for byte in 1..=1000u64 {
         bench.rx_at_us(t + 40_000 + byte * 4_167, &[0x55]);
     }

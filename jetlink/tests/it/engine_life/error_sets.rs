@@ -373,7 +373,7 @@ fn a_source_whose_rpm_waits_for_the_version_is_not_lost() {
 }
 
 /// "The exhaust is the evidence, taken without the EGT error bit ... not known: the order continues under the stages of loss, and
-/// when they have run out it is standby." A watchdog reset of the node does not change that; a gap in the ECU's beat does, because
+/// when they have run out it is standby." A watchdog reset of the node does not change that; a gap in the ECU's frames does, because
 /// the ECU may have restarted.
 #[test]
 fn amt_8_after_a_reset_an_unreadable_exhaust_shuts_down_no_engine() {

@@ -514,8 +514,8 @@ fn abandoning_an_order_does_not_restart_the_stages_of_loss() {
 /// Damaged frames: of which ECU, and whether they pass for good ones but for the line error that the UART reports.
 const DAMAGED: [(Ecu, bool); 3] = [(Ecu::Amt, true), (Ecu::Zk, false), (Ecu::Zk, true)];
 
-/// Damaged frames keep the beat for 10 s after the last good one, and an AMT ECU its replies. Then they are a gap, to the
-/// tick, and confirm nothing.
+/// Damaged frames prevent a gap for 10 s after the last good one, and an AMT ECU still gets its replies. Then the gap begins, to the
+/// tick, and they confirm nothing.
 #[test]
 fn damaged_frames_are_no_gap_for_10_s_at_most() {
     for (ecu, passes) in DAMAGED {
@@ -554,8 +554,8 @@ fn damaged_frames_are_no_gap_for_10_s_at_most() {
     }
 }
 
-/// A start that fails behind damaged frames must not begin again on the same order: until the engine has reached running they keep the
-/// beat for 3 s, which is longer than the 2 s of noise that a start must survive.
+/// A start that fails behind damaged frames must not begin again on the same order: until the engine has reached running they
+/// prevent a gap for 3 s, which is longer than the 2 s of noise that a start must survive.
 #[test]
 fn damaged_frames_are_no_gap_for_3_s_at_most_in_a_start() {
     for (ecu, passes) in DAMAGED {

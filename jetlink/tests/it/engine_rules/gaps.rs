@@ -13,8 +13,8 @@ fn zk_10_an_ecu_that_reports_100_hz_and_answers_at_20_hz_leaves_no_gaps() {
     assert_eq!(scenario.order(), Order::Run(percent(60)), "a frame every 50 ms, and the engine runs");
 }
 
-/// "Damaged frames that keep the beat (bursts of a frame's length when due, no break) are no gap, for 10 s at most, on
-/// either protocol": at every rate that the line carries (ZK-11).
+/// Damaged frames at the expected times (bursts of a frame's length, no break) are no gap, for 10 s at most: at every rate that the
+/// line carries (ZK-11).
 #[test]
 fn zk_11_damaged_frames_at_the_expected_times_are_no_gap_at_any_rate() {
     use jetlink::config::EngineConfig;
@@ -99,8 +99,8 @@ fn one_report_of_a_false_rate_raises_no_doubt() {
     assert_eq!(scenario.telemetry().in_doubt, None);
 }
 
-/// "Damaged frames that keep the beat ... are no gap, for 10 s at most": the demand also goes out meanwhile in rpm mode, or
-/// telemetry says that it does not.
+/// Damaged frames at the expected times are no gap, for 10 s at most: the demand is also sent meanwhile in rpm mode, or telemetry
+/// reports that it is not.
 #[test]
 fn an_rpm_demand_is_sent_through_2_s_of_damaged_frames() {
     let mut scenario = Scenario::started(Ecu::Zk, rpm(100_000));

@@ -120,7 +120,7 @@ fn zk_13_closing_the_pump_does_not_separate_an_unlock_from_its_command() {
 
 /// What each status reports about the life of the engine: ID 1 its state and its shaft, the others the shaft alone.
 #[test]
-fn each_status_gives_the_sign_of_its_state() {
+fn each_status_gives_the_observation_of_its_state() {
     // Idle speed in 1000 rpm, maximum, and half of idle or its substitute.
     for (idle, max, half) in [
         (None, None, 10_000),
@@ -165,7 +165,7 @@ fn each_status_gives_the_sign_of_its_state() {
 }
 
 /// A gap begins three of the ECU's intervals behind its last frame, the slower one of what it reports and what it was commanded.
-/// Damaged frames keep the beat; half a frame does not.
+/// Damaged frames prevent a gap; half a frame does not.
 #[test]
 fn three_missing_frames_are_a_gap() {
     let gap = |bench: &Bench<ZkLink>| bench.machine.gap_at().map(|at| at.as_micros());
