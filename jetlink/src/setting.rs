@@ -240,7 +240,7 @@ pub struct Row {
 }
 
 impl Row {
-    /// A row; an empty name is no parameter. The macro [`settings`](crate::setting::settings) writes these.
+    /// A row; an empty name is no parameter. The macro `settings!` writes these.
     pub const fn new(
         name: &'static str,
         unit: Unit,
