@@ -28,7 +28,7 @@ struct Words<'a> {
     shown: Vec<(u64, Option<bool>)>,
     /// Starts that are no repeat, of all senders.
     starts: Vec<(u64, bool)>,
-    /// Repeats that may be judged anew: what they repeat is 5 s old.
+    /// Repeats that may be judged anew: what they repeat is 5 s old, or may not have been found behind a damaged frame.
     renewed: Vec<(u64, bool)>,
     /// The node has the id of the vehicle from here on, over resets too: it has answered.
     known: u64,
@@ -37,6 +37,7 @@ struct Words<'a> {
 impl<'a> Words<'a> {
     fn new(mavlink: &'a ByMavlink, resets: &[(u64, u64)]) -> Self {
         let late: Vec<_> = mavlink.damaged.iter().map(|at| (*at, at + 2 * FOUND_LATE)).collect();
+        let late = Spans::from(&late);
         let mut ups = resets.iter().map(|(_, up)| *up).peekable();
         let (mut shown, mut same) = (vec![(0, None)], (false, 0));
         let (mut starts, mut renewed) = (Vec::new(), Vec::new());
@@ -61,7 +62,8 @@ impl<'a> Words<'a> {
                         Some((_, when, same, anew))
                             if *same == while_disarmed && (again || recent(*when)) =>
                         {
-                            if !recent(*when) {
+                            // What looks like a frame of an unknown message is skipped as a whole, with what is in it.
+                            if !recent(*when) || late.contains(*when) {
                                 *anew = Some(*at);
                                 renewed.push((*at, while_disarmed));
                             }
@@ -86,7 +88,7 @@ impl<'a> Words<'a> {
         }
         let answered = mavlink.answers.first().map_or(u64::MAX, |answer| answer.at);
         let known = if mavlink.learns { answered } else { 0 };
-        Self { mavlink, late: Spans::from(&late), shown, starts, renewed, known }
+        Self { mavlink, late, shown, starts, renewed, known }
     }
 
     /// How much earlier than at this instant a frame may have come that is found now.

@@ -15,12 +15,18 @@ const fn output(tenths: u32) -> Word {
 
 /// Whether the rule is broken by these words and these commands of MAVLink. Times are in seconds.
 fn breaks(words: &[(f64, Word)], commands: &[(f64, PilotCommand)]) -> bool {
+    breaks_behind(&[], words, commands)
+}
+
+/// The same behind damaged frames.
+fn breaks_behind(damaged: &[f64], words: &[(f64, Word)], commands: &[(f64, PilotCommand)]) -> bool {
+    let damaged = damaged.iter().map(|at| micros(*at)).collect();
     let received = words.iter().map(|&(at, word)| Received { at: micros(at), word }).collect();
     let starts = words.iter().filter(|(_, word)| matches!(word, Word::Start { .. }));
     let accepted = |at: f64| commands.contains(&(at, PilotCommand::Standby));
     let answers = starts.map(|&(at, _)| Answered { at: micros(at), accepted: accepted(at) }).collect();
     let story = Story::new(ZK5).with(|h| {
-        h.mavlink = Some(ByMavlink { has_output: true, received, answers, ..ByMavlink::default() });
+        h.mavlink = Some(ByMavlink { has_output: true, received, answers, damaged, ..ByMavlink::default() });
         h.commanded = commands
             .iter()
             .map(|&(at, command)| Commanded { at: micros(at), source: MAVLINK, command })
@@ -54,6 +60,18 @@ fn a_start_is_what_somebody_commanded_of_an_armed_vehicle_at_idle() {
     // The same again is a repeat.
     assert!(with(&[(4.0, START)], &[(4.0, PilotCommand::Standby), (4.0, RUN)]));
     assert!(!with(&[(4.0, START)], &[]));
+}
+
+/// 600100023: a damaged frame whose header claimed what came behind it was skipped with the start in it; its repeat was the first that
+/// the node found.
+#[test]
+fn a_repeat_starts_where_the_start_was_lost_behind_a_damaged_frame() {
+    let again = Word::Start { from: 255, again: true, while_disarmed: false };
+    let words = [&WORDS[..], &[(4.8, output(0)), (4.8, again)]].concat();
+    let commands = [COMMANDS[0], (4.8, PilotCommand::Standby), (4.8, RUN)];
+    assert!(!breaks_behind(&[2.7], &words, &commands));
+    assert!(breaks(&words, &commands), "nothing was damaged");
+    assert!(breaks_behind(&[3.2], &words, &commands), "what is damaged later hides nothing");
 }
 
 #[test]
