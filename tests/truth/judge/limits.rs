@@ -23,6 +23,14 @@ const RISES_WITHIN: u64 = 750 * MS;
 /// Resolution of the wire, 0.1 %.
 const STEP: f64 = 8.0;
 
+/// A source that comes for the first time in long, and the one that is in control: their throttles, 0.1 %.
+pub(super) struct Arrival {
+    pub wanted: u32,
+    /// The source in control.
+    pub lower: usize,
+    pub held: u32,
+}
+
 impl Case<'_> {
     /// The demand on the wire, and whether it is sent run, at an instant.
     fn sent_at(&self, at: u64) -> (Option<Demanded>, Option<Switch>) {
@@ -217,6 +225,23 @@ impl Case<'_> {
         }
     }
 
+    /// A source commands a throttle, its first command for long, while another one commands a throttle and is in control of an engine
+    /// that runs.
+    pub(super) fn arrival(&self, commanded: &Commanded) -> Option<Arrival> {
+        let Commanded { at, source, command: PilotCommand::Run(Demanded::Throttle(wanted)) } = *commanded else {
+            return None;
+        };
+        let before = self.command_log.last(source, at.saturating_sub(1));
+        let long = before.is_none_or(|(when, _)| at > when + self.command_log.age(source) + 12 * SECOND);
+        if !long || !self.known_to_run(at) {
+            return None;
+        }
+        match self.command_log.run_in_control(at - 1)? {
+            (lower, Demanded::Throttle(held)) => Some(Arrival { wanted, lower, held }),
+            (_, Demanded::Rpm(_)) => None,
+        }
+    }
+
     /// A source that takes over is held off until its demand is close to the one in force, or it has waited.
     pub(super) fn take_over(&mut self) {
         let h = self.h;
@@ -226,21 +251,10 @@ impl Case<'_> {
         }
         let hidden = self.blind.union(&h.noise).union(&self.down).longer(3 * SECOND);
         for commanded in &h.commanded {
-            let (PilotCommand::Run(Demanded::Throttle(wanted)), at) = (commanded.command, commanded.at)
-            else {
-                continue;
-            };
-            // Its first command for long, with a lower source in control, well away from its demand.
-            let first = self.command_log.until(commanded.source, at.saturating_sub(1)).last();
-            let long = first
-                .is_none_or(|(when, _)| at > when + self.command_log.age(commanded.source) + 12 * SECOND);
-            if !long || !self.known_to_run(at) {
-                continue;
-            }
+            // Well away from its demand.
+            let Some(Arrival { wanted, lower, held }) = self.arrival(commanded) else { continue };
+            let at = commanded.at;
             let until = at + rules.takeover - 150 * MS;
-            let Some((lower, Demanded::Throttle(held))) = self.command_log.run_in_control(at - 1) else {
-                continue;
-            };
             let since = self.command_log.commands_since(lower, at - 1);
             let settled = 1000 * SECOND / u64::from(rules.rise.min(rules.slew_up.unwrap_or(rules.rise)));
             let settled = rules.recover_after + rules.takeover + settled + 4 * SECOND;

@@ -1,6 +1,7 @@
 //! What has to be on the wire at once, and what may not be there in the meantime.
 
 use super::case::{Case, Rule, seconds};
+use super::limits::Arrival;
 use crate::history::{Commanded, Demanded, MS, PilotCommand, SECOND, Sample, Sent, Spans, Switch};
 use sim::turbine::Phase;
 
@@ -230,20 +231,8 @@ impl Case<'_> {
         let rate = rules.rise.min(rules.slew_up.unwrap_or(1000)).min(rules.slew_down.unwrap_or(1000)).max(1);
         let moves = u64::from(CLOSE.end) * SECOND / u64::from(rate);
         for commanded in &h.commanded {
-            let (PilotCommand::Run(Demanded::Throttle(wanted)), at) = (commanded.command, commanded.at)
-            else {
-                continue;
-            };
-            // Its first command for long, above a source in control.
-            let first = self.command_log.until(commanded.source, at.saturating_sub(1)).last();
-            let long = first
-                .is_none_or(|(when, _)| at > when + self.command_log.age(commanded.source) + 12 * SECOND);
-            if !long || !self.known_to_run(at) {
-                continue;
-            }
-            let Some((lower, Demanded::Throttle(held))) = self.command_log.run_in_control(at - 1) else {
-                continue;
-            };
+            let Some(Arrival { wanted, lower, held }) = self.arrival(commanded) else { continue };
+            let at = commanded.at;
             // One that was lost has to be received for a while.
             let due = at + rules.recover_after + 3 * rules.period + 100 * MS + moves;
             let settled = rules.recover_after + rules.takeover + 4 * SECOND;
