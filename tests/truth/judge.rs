@@ -24,7 +24,7 @@ mod valve;
 use crate::history::{History, Mark, SECOND};
 use case::Case;
 
-pub use case::{Rule, Verdict, seconds};
+pub use case::{Rule, Share, Verdict, seconds};
 pub use limits::{busy, failed_for_sure, may_have_failed};
 
 /// Judges one engine.

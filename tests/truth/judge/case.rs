@@ -106,14 +106,38 @@ pub struct Finding {
     pub text: String,
 }
 
+/// How long rules applied, and how much of that was exempt, by name, µs.
+#[derive(Clone, Default, PartialEq, Eq, Debug)]
+pub struct Share {
+    pub applied: u64,
+    pub exempt: BTreeMap<&'static str, u64>,
+}
+
+impl Share {
+    pub fn exempt(&mut self, name: &'static str, time_us: u64) {
+        *self.exempt.entry(name).or_default() += time_us;
+    }
+
+    pub fn add(&mut self, other: &Self) {
+        self.applied += other.applied;
+        for (name, time) in &other.exempt {
+            self.exempt(name, *time);
+        }
+    }
+
+    pub fn per_mille(&self) -> f64 {
+        self.exempt.values().sum::<u64>() as f64 * 1000.0 / self.applied.max(1) as f64
+    }
+}
+
 /// What the judge found in one history.
 #[derive(Clone, Default, PartialEq, Eq, Debug)]
 pub struct Verdict {
     pub findings: Vec<Finding>,
-    /// How long the rules for a healthy engine applied, µs.
-    pub applied: u64,
-    /// How much of that was exempt, by name, µs.
-    pub exempt: BTreeMap<&'static str, u64>,
+    /// The rules for a healthy engine.
+    pub healthy: Share,
+    /// The rule for an engine at rest that is sent run.
+    pub at_rest: Share,
     /// How often each thing happened that the rules are about.
     pub seen: BTreeMap<&'static str, u64>,
 }
@@ -128,7 +152,7 @@ impl Verdict {
     }
 
     pub fn exempt(&mut self, name: &'static str, time_us: u64) {
-        *self.exempt.entry(name).or_default() += time_us;
+        self.healthy.exempt(name, time_us);
     }
 
     /// The rules that were broken, each once.

@@ -86,7 +86,7 @@ impl Case<'_> {
     pub(super) fn shares(&mut self) {
         let command_log = &self.command_log;
         let applies = self.h.times(|sample| sample.runs() && command_log.run_in_control(sample.at).is_some());
-        self.verdict.applied = applies.total();
+        self.verdict.healthy.applied = applies.total();
         let mut taken = Spans::default();
         for (name, spans) in self.exemptions() {
             // Each instant counts once.

@@ -228,7 +228,8 @@ impl Case<'_> {
     /// A source commands a throttle, its first command for long, while another one commands a throttle and is in control of an engine
     /// that runs.
     pub(super) fn arrival(&self, commanded: &Commanded) -> Option<Arrival> {
-        let Commanded { at, source, command: PilotCommand::Run(Demanded::Throttle(wanted)) } = *commanded else {
+        let Commanded { at, source, command: PilotCommand::Run(Demanded::Throttle(wanted)) } = *commanded
+        else {
             return None;
         };
         let before = self.command_log.last(source, at.saturating_sub(1));

@@ -1,8 +1,9 @@
 //! Who may start an engine, and for how long an engine at rest may be sent run.
 
 use super::case::{Case, Rule, seconds};
-use crate::history::{Cause, Frame, Kind, MS, Mark, PilotCommand, SECOND, Sample, Switch};
+use crate::history::{Cause, Frame, Kind, MS, Mark, PilotCommand, SECOND, Sample, Spans, Switch};
 use sim::turbine::Phase;
+use std::collections::BTreeMap;
 
 /// After a lower demand a falling exhaust proves nothing for this long.
 const LOWERED: u64 = 5 * SECOND;
@@ -365,14 +366,17 @@ impl Case<'_> {
         let lives = self.starts_of_life();
         let gaps = self.blind.at_least(self.gap());
         let mut reported = 0;
+        let mut exempt: BTreeMap<&'static str, Spans> = BTreeMap::new();
         for frame in h.frames.iter().filter(|frame| frame.sent.switch() == Some(Switch::Run)) {
             let at = frame.at;
             if at < reported || self.live.contains(at) || h.pwm.contains(at) {
                 continue;
             }
+            let mut is_exempt = |name| exempt.entry(name).or_default().push(at, at + h.rules.period);
             // AMT sets carry no checksum: to one that nobody sent, and that reports running, there is a reply.
             let forged = h.forged[..h.forged.partition_point(|forged| *forged <= at)].last();
             if self.is_amt() && forged.is_some_and(|forged| at <= forged + h.rules.period + 50 * MS) {
+                is_exempt("the reply to an AMT set that no ECU sent");
                 continue;
             }
             let went_out = self.live.last_before(at).map(|(_, to)| to);
@@ -401,6 +405,7 @@ impl Case<'_> {
                         && self.not_by(start, at).is_none()
                 });
                 if unreported {
+                    is_exempt("a start that was not reported yet, and an outage that cannot be seen");
                     continue;
                 }
                 // With error sets in a start nothing shows that it failed, if the exhaust is not used: the start's time.
@@ -415,6 +420,7 @@ impl Case<'_> {
                         && self.not_by(start, at).is_none()
                 });
                 if failed_start {
+                    is_exempt("AMT, error sets since a start failed");
                     continue;
                 }
                 // An AMT ECU reports that it was powered up.
@@ -436,16 +442,23 @@ impl Case<'_> {
                     let fault = h.samples(out, at).iter().any(|sample| sample.fault);
                     // With faults in place of a state the exhaust has to be cold, or to fall.
                     let hot = if self.is_amt() && fault { self.put_out_by_exhaust(out, at) - out } else { 0 };
-                    (out, out + hot + self.one_state() + noise.min(10 * SECOND) + down)
+                    let report = out + self.one_state();
+                    let name = match () {
+                        () if at <= report => "the report of an engine that went out is on its way",
+                        () if hot > 0 => "AMT, error sets until the exhaust shows that the engine is out",
+                        () => "noise or a reset hides the report of an engine that went out",
+                    };
+                    (out, report + hot + noise.min(10 * SECOND) + down, name)
                 });
                 // With error sets only the exhaust shows it.
                 let by_exhaust = |out| {
                     self.is_amt()
                         && h.samples(out, at).iter().all(|sample| sample.fault || sample.phase.is_live())
                 };
-                let seen =
-                    seen.filter(|(out, until)| at <= *until && (unseen(*out) || by_exhaust(out + 100 * MS)));
-                if seen.is_some() && !announced {
+                let seen = seen
+                    .filter(|(out, until, _)| at <= *until && (unseen(*out) || by_exhaust(out + 100 * MS)));
+                if let Some((_, _, name)) = seen.filter(|_| !announced) {
+                    is_exempt(name);
                     continue;
                 }
                 // A node that was reset did not receive the power-up, and the first reports still show that the engine runs, with its
@@ -461,6 +474,9 @@ impl Case<'_> {
                         && self.down.touches(anew, at)
                 });
                 if stale {
+                    is_exempt(
+                        "AMT, the first reports behind a power-up that a reset hid are those of before",
+                    );
                     continue;
                 }
                 // An order that a start gave is taken back: what was under way is out with the next frames.
@@ -472,6 +488,7 @@ impl Case<'_> {
                         && anew.is_none_or(|anew| anew < start.at)
                 });
                 if taken {
+                    is_exempt("a start was taken back, and its last frames are on their way");
                     continue;
                 }
             }
@@ -489,6 +506,10 @@ impl Case<'_> {
                 ),
             );
             reported = at + 10 * SECOND;
+        }
+        self.verdict.at_rest.applied = h.end - self.live.total().min(h.end);
+        for (name, spans) in exempt {
+            self.verdict.at_rest.exempt(name, spans.total());
         }
     }
 

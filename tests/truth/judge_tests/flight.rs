@@ -185,9 +185,9 @@ fn a_limit_with_standby_is_exempt_and_counted() {
         .with(|h| h.rules.limit_egt = Some((800.0, true)));
     let verdict = story.judged();
     assert_eq!(verdict.rules(), []);
-    let exempt = verdict.exempt["a limit whose action is standby"];
+    let exempt = verdict.healthy.exempt["a limit whose action is standby"];
     assert!((900 * MS..=1100 * MS).contains(&exempt), "{exempt}");
-    assert!((10 * SECOND..12 * SECOND).contains(&verdict.applied), "{}", verdict.applied);
+    assert!((10 * SECOND..12 * SECOND).contains(&verdict.healthy.applied), "{}", verdict.healthy.applied);
 }
 
 #[test]

@@ -330,6 +330,13 @@ fn an_engine_that_went_out_is_not_sent_run_for_long() {
     };
     story(40.5).passes();
     story(45.0).breaks(&[Rule::RunAtRest]);
+    // Until the report has come, each frame is exempt, and has a name.
+    let exempt = story(40.2).judged().at_rest;
+    assert_eq!(
+        exempt.exempt.keys().copied().collect::<Vec<_>>(),
+        ["the report of an engine that went out is on its way"]
+    );
+    assert!(exempt.per_mille() > 0.0);
 }
 
 #[test]
