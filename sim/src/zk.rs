@@ -130,6 +130,11 @@ impl ZkEcu {
         self.pwm = pwm;
     }
 
+    /// Reports this supply voltage from now on, in V.
+    pub fn set_supply(&mut self, volts: f64) {
+        self.config.supply_v = volts;
+    }
+
     /// Reports this error instead of the ECU's own.
     pub fn set_error(&mut self, error: Option<u8>) {
         self.forced_error = error;
@@ -193,7 +198,10 @@ impl ZkEcu {
         if let Some(last) = session.stale() {
             return last.state;
         }
-        if let Some(service) = session.service {
+        let hides_pump = self.config.temper.standby_while_pump_is_open;
+        if let Some(service) = &session.service
+            && !(hides_pump && service.action == Action::OpenPump)
+        {
             return match service.action {
                 Action::DrainOil => state::EXHAUST_AIR,
                 Action::TestGlowPlug => state::TEST_GLOW_PLUG,

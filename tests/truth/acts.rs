@@ -14,6 +14,8 @@ pub enum Act {
     Fault(Fault, u64),
     /// The same, beside what goes wrong already.
     Beside(Fault, u64),
+    /// The share to which the demand is reduced while another engine has failed is changed, per mille.
+    Share(u16),
     /// Another ECU, of this version, is plugged in; without power for this long, µs.
     Swap(u8, u64),
 }

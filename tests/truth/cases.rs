@@ -184,6 +184,12 @@ fn a_loop_of_resets_does_not_keep_a_dead_sources_demand() {
         let blows = (0..50).map(|n| reset(AT * 1000 + 500 + n * 1050, 50, Cause::Watchdog)).collect();
         let seen = Seen::of(setup, acts, blows, 130);
         seen.is_good().ignitions(0, 1);
+        // From the third reset on it is at the fail-safe.
+        seen.only(AT * 1000 + 5000, 130_000, 100, |sent| match sent.demand() {
+            Some(Demanded::Throttle(tenths)) => tenths == 0,
+            Some(Demanded::Rpm(rpm)) => rpm <= 60_000,
+            None => true,
+        });
     }
 }
 
@@ -197,8 +203,15 @@ fn a_brown_out_of_the_node_costs_no_engine() {
                 acts.push(at(AT * 1000 - 5000, Act::Fault(Fault::Error(5), 60 * SECOND)));
             }
             let blows = vec![reset(AT * 1000, 300, Cause::BrownOut)];
+            let amt = setup.is_amt();
             let seen = Seen::of(setup, acts, blows, 110);
             seen.is_good().ignitions(0, 1).phase_is(0, 109_000, Phase::Running);
+            seen.only(AT * 1000, 110_000, 100, |sent| {
+                !is_standby(sent) && sent.switch() != Some(Switch::Stop)
+            });
+            if demand == Demanded::Throttle(DEMAND) && !(error && amt) {
+                seen.demand_is(0, 109_000, DEMAND);
+            }
         }
     }
 }
@@ -269,6 +282,9 @@ fn a_start_that_waits_ends_when_its_source_is_lost() {
         let first = (setup.clone(), flight(Demanded::Throttle(DEMAND)));
         let seen = Seen(case([first, (setup.at_port(1), second.clone())], vec![], 120));
         seen.is_good().ignitions(0, 1).ignitions(1, 0);
+        let run = seen.frames(1, 0, 120_000).find(|frame| is_run(frame.sent));
+        assert!(run.is_none(), "{run:?}\n{}", seen.0.report(true));
+        seen.only(FLIES * 1000, 120_000, 100, |sent| is_run(sent) || matches!(sent, Sent::Action(_)));
     }
 }
 
@@ -373,6 +389,8 @@ fn one_of_two_engines_fails_in_flight() {
         let seen = Seen(case([(setup.clone(), first), (setup.at_port(1), second)], vec![], 200));
         seen.is_good().ignitions(0, 1).ignitions(1, 1).phase_is(1, 199_000, Phase::Running);
         seen.demand_is(1, 199_000, DEMAND);
+        let shut_down = seen.frames(1, 52_000, 200_000).find(|frame| is_standby(frame.sent));
+        assert!(shut_down.is_none(), "{shut_down:?}\n{}", seen.0.report(true));
         seen.only(AT * 1000 + 60_000 + 45_000, 200_000, 50, |sent| !is_run(sent));
     }
 }
@@ -389,6 +407,10 @@ fn a_start_by_one_word_of_a_ground_station_that_is_then_lost() {
             ];
             let seen = Seen::of(setup, acts, vec![], 200);
             seen.is_good();
+            // A stream starts nothing, and a word is obeyed at once.
+            let quiet = |sent| is_standby(sent) || matches!(sent, Sent::Nothing | Sent::Action(_));
+            seen.only(1000, 7000, 20, quiet);
+            assert!(seen.frames(0, 7000, 7500).any(|frame| is_run(frame.sent)), "{}", seen.0.report(true));
             let ignitions =
                 seen.0.engines[0].history.marks.iter().filter(|(_, mark)| *mark == Mark::Ignition).count();
             assert!(ignitions <= 1, "{}", seen.0.report(true));

@@ -15,6 +15,7 @@ use crate::valve::Valve;
 use crate::wire::Reader;
 use jetlink::channel::Owner;
 use jetlink::command::Origin;
+use jetlink::engine::config::Supervision;
 use jetlink::engine::retained::RetainedState;
 use jetlink::units::Hectopascals;
 use sim::any::AnyEcu;
@@ -239,6 +240,10 @@ impl EngineContext {
         owner: &Owner<'a>,
     ) -> Option<Receiver<'a>> {
         self.valve.begin(&mut self.history, now(), record, has_failed);
+        // What was configured in flight is lost at a reset.
+        if let (Some(share), [.., _]) = (self.setup.rules.when_other_fails, &self.history.shares[..]) {
+            self.history.shares.push((now(), share));
+        }
         self.transmitter.as_mut().map(|transmitter| transmitter.receiver(owner, &self.setup.config))
     }
 
@@ -308,6 +313,7 @@ impl EngineContext {
                     self.note(format!("{fault} for {} ms", length / MS));
                 }
                 Act::Swap(version, off) => self.swap(rng, version, off),
+                Act::Share(share) => self.share(owner, share),
             }
         }
         if at >= self.script.next_commands {
@@ -452,6 +458,15 @@ impl EngineContext {
         };
         let _ = claimed.expect("nobody else holds it").command(to_send);
         self.history.commanded.push(Commanded { at: now(), source, command });
+    }
+
+    /// Somebody changes by how much the demand is reduced while another engine has failed.
+    fn share(&mut self, owner: Option<&Owner<'_>>, share: u16) {
+        let Some(owner) = owner else { return };
+        let supervision = Supervision { when_other_fails: Some(share), ..self.setup.config.supervision };
+        owner.setup().configure(&supervision).expect("in its range");
+        self.history.shares.push((now(), share.into()));
+        self.note(format!("the share beside an engine that failed is {} per mille", share));
     }
 
     /// Another ECU of the kind, of this version, is plugged in, and has no power for this long.

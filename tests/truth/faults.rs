@@ -6,7 +6,20 @@ use crate::pilots::Rng;
 use core::fmt;
 use sim::any::AnyEcu;
 use sim::turbine::{EgtSensor, Phase};
-use sim::wire::{Direction, Faults, FramingAs, Plug};
+use sim::wire::{Babble, Direction, Faults, FramingAs, Plug};
+
+/// What a frame reports that no ECU sent.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Odd {
+    /// An engine at rest.
+    AtRest,
+    /// A shaft that does not turn, in a frame that reports nothing else of the engine, or a running engine.
+    SlowShaft,
+    /// An exhaust beyond every limit.
+    HotExhaust,
+    /// A later version of the protocol, where it has versions.
+    LaterVersion,
+}
 
 /// One disturbance.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -35,8 +48,12 @@ pub enum Fault {
     Sensor(EgtSensor),
     /// One good frame that reports something else than what is so.
     OneWrongFrame,
-    /// One good frame that reports an engine at rest.
-    OneFrameAtRest,
+    /// One good frame that no ECU sent.
+    OddFrame(Odd),
+    /// The ECU sends bytes that are no frames, without a pause, in place of what it has to report.
+    Babble,
+    /// The ECU reports a supply below every limit.
+    LowSupply,
     /// A signal on the PWM input of a ZK ECU.
     PwmSignal(bool),
 }
@@ -46,11 +63,7 @@ impl Fault {
     const fn is_momentary(self) -> bool {
         matches!(
             self,
-            Self::FlameOut
-                | Self::HotStarts(_)
-                | Self::NoLight(_)
-                | Self::OneWrongFrame
-                | Self::OneFrameAtRest
+            Self::FlameOut | Self::HotStarts(_) | Self::NoLight(_) | Self::OneWrongFrame | Self::OddFrame(_)
         )
     }
 }
@@ -84,7 +97,9 @@ impl fmt::Display for Fault {
             Self::Sensor(EgtSensor::Short) => f.write_str("thermocouple shorted"),
             Self::Sensor(EgtSensor::Good) => f.write_str("thermocouple good"),
             Self::OneWrongFrame => f.write_str("one forged frame"),
-            Self::OneFrameAtRest => f.write_str("one forged frame: at rest"),
+            Self::OddFrame(odd) => write!(f, "one forged frame: {odd:?}"),
+            Self::Babble => f.write_str("the ECU sends bytes without a pause"),
+            Self::LowSupply => f.write_str("supply low"),
             Self::PwmSignal(true) => f.write_str("the PWM input commands run"),
             Self::PwmSignal(false) => f.write_str("the PWM input commands standby"),
         }
@@ -346,10 +361,12 @@ fn begin(fault: Fault, rng: &mut Rng, plug: &Plug<AnyEcu>) {
             let frame = plug.ecu(|ecu| ecus::ecu(ecu).wrong_frame(rng));
             plug.inject_to_node(&frame);
         }
-        Fault::OneFrameAtRest => {
-            let frame = plug.ecu(|ecu| ecus::ecu(ecu).frame_at_rest());
+        Fault::OddFrame(odd) => {
+            let frame = plug.ecu(|ecu| ecus::ecu(ecu).odd_frame(odd));
             plug.inject_to_node(&frame);
         }
+        Fault::Babble => plug.babble(Some(Babble::Repeat(vec![0x55, 0x10, 0x00]))),
+        Fault::LowSupply => plug.ecu(|ecu| ecus::ecu_mut(ecu).lower_supply(true)),
         Fault::PwmSignal(run) => plug.ecu(|ecu| ecus::ecu_mut(ecu).pwm_signal(Some(run))),
     }
 }
@@ -362,6 +379,8 @@ fn end(fault: Fault, plug: &Plug<AnyEcu>) {
         Fault::Damage(..) | Fault::Noise(_) | Fault::Framing(_) => {
             plug.set_faults(Faults::default(), Faults::default())
         }
+        Fault::Babble => plug.babble(None),
+        Fault::LowSupply => plug.ecu(|ecu| ecus::ecu_mut(ecu).lower_supply(false)),
         Fault::Error(_) => plug.ecu(|ecu| ecus::ecu_mut(ecu).report_fault(None)),
         Fault::Sensor(_) => plug.ecu(|ecu| ecu.turbine_mut().set_egt_sensor(EgtSensor::Good)),
         Fault::PwmSignal(_) => plug.ecu(|ecu| ecus::ecu_mut(ecu).pwm_signal(None)),
@@ -369,7 +388,7 @@ fn end(fault: Fault, plug: &Plug<AnyEcu>) {
         | Fault::HotStarts(_)
         | Fault::NoLight(_)
         | Fault::OneWrongFrame
-        | Fault::OneFrameAtRest => {}
+        | Fault::OddFrame(_) => {}
     }
 }
 
@@ -415,10 +434,16 @@ pub fn write_down(history: &mut History, fault: Fault, from_us: u64, to_us: u64)
             add(&mut history.noise);
             add(&mut history.framing);
         }
-        Fault::OneWrongFrame | Fault::OneFrameAtRest => {
+        Fault::OneWrongFrame | Fault::OddFrame(_) => {
             add(&mut history.noise);
+            let again = history.forged.last() == Some(&from_us);
+            if again && fault == Fault::OddFrame(Odd::SlowShaft) {
+                history.jumps.push(from_us);
+            }
             history.forged.push(from_us);
         }
+        Fault::Babble => add(&mut history.mute),
+        Fault::LowSupply => add(&mut history.low_supply),
         Fault::Sensor(_) => add(&mut history.sensor),
         Fault::PwmSignal(true) => add(&mut history.pwm_signal),
         // The ECU reports it itself.

@@ -446,6 +446,14 @@ pub struct Rules {
     /// Those of a shaft that runs down, and of an exhaust that rises in a start.
     pub limit_flame: Option<bool>,
     pub limit_hot: Option<bool>,
+    /// Those of a shaft below rpm in flight, of a change that no turbine makes, and of the supply.
+    pub limit_low_rpm: Option<(f64, bool)>,
+    pub limit_jump: Option<bool>,
+    pub limit_supply: Option<bool>,
+    /// A low supply keeps an engine from a start.
+    pub supply_counts: bool,
+    /// The exhaust of an engine that burns, while its ECU reports faults instead of a state, °C.
+    pub burning: f64,
     /// Share in per mille to which the demand is reduced while another engine has failed.
     pub when_other_fails: Option<u32>,
 }
@@ -556,6 +564,12 @@ pub struct History {
     pub framing: Spans,
     /// When one frame came that no ECU sent.
     pub forged: Vec<u64>,
+    /// When two frames in a row came that no ECU sent, and that report a shaft that does not turn.
+    pub jumps: Vec<u64>,
+    /// The ECU reports a supply below every limit.
+    pub low_supply: Spans,
+    /// The share of `when_other_fails`, from each instant on at which it was changed.
+    pub shares: Vec<(u64, u32)>,
     /// When a transmitter that hung continued: what was on its way then is old.
     pub stalls: Vec<u64>,
     /// The protocol version of the ECU from each instant on; empty: as in the rules.
@@ -604,6 +618,9 @@ impl History {
             ruined: Spans::default(),
             framing: Spans::default(),
             forged: Vec::new(),
+            jumps: Vec::new(),
+            low_supply: Spans::default(),
+            shares: Vec::new(),
             stalls: Vec::new(),
             versions: Vec::new(),
             pwm: Spans::default(),
@@ -619,6 +636,18 @@ impl History {
             radio: None,
             mavlink: None,
         }
+    }
+
+    /// The largest share to which a demand was to be reduced for another engine in a time, per mille; `None`: it
+    /// is not to be.
+    pub fn largest_share(&self, from_us: u64, to_us: u64) -> Option<u32> {
+        let first = self.rules.when_other_fails?;
+        let later = self.shares.iter().enumerate().filter(|(index, (at, _))| {
+            let until = self.shares.get(index + 1).map_or(u64::MAX, |(next, _)| *next);
+            *at <= to_us && until > from_us
+        });
+        let before = self.shares.first().is_none_or(|(at, _)| *at > from_us).then_some(first);
+        before.into_iter().chain(later.map(|(_, (_, share))| *share)).max()
     }
 
     /// When run goes out behind standby or a stop.

@@ -70,6 +70,11 @@ fn rules(kind: Kind) -> Rules {
         limit_change: None,
         limit_flame: None,
         limit_hot: None,
+        limit_low_rpm: None,
+        limit_jump: None,
+        limit_supply: None,
+        supply_counts: false,
+        burning: 300.0,
         when_other_fails: None,
     }
 }

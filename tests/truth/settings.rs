@@ -6,9 +6,10 @@ use crate::pilots::Rng;
 use embassy_time::Duration;
 use jetlink::command::{Command, Demand};
 use jetlink::config::EngineConfig;
+use jetlink::ecu::EcuConfig;
 use jetlink::engine::config::{Governor, Slew, Supervision};
 use jetlink::limit::{Action, Limit};
-use jetlink::units::{Celsius, Rpm, Throttle};
+use jetlink::units::{Celsius, Millivolts, Rpm, Throttle};
 use sim::any::{AnyConfig, AnyEcu, Protocol};
 
 /// One engine: how the node is configured for it, and what its ECU is.
@@ -51,8 +52,19 @@ impl Setup {
         all.loss.ramp = rng.pick(&[500, 500, 100, 2000]);
         all.slew.up = rng.pick(&[None, None, Some(100), Some(500)]);
         all.slew.down = rng.pick(&[None, None, Some(60), Some(200)]);
+        all.service_time = ms(rng.pick(&[30_000, 4000]));
+        all.burning_egt = Celsius::from_tenths(rng.pick(&[3000, 2000, 4000]));
         let action = rng.pick(&[Action::FailSafe, Action::FailSafe, Action::FailSafe, Action::Standby]);
-        match rng.below(12) {
+        let idle = self.ecu.turbine().idle_rpm;
+        match rng.below(16) {
+            12 => all.limits.implausible.action = action,
+            13 => {
+                // Above idle: the stick may be up.
+                let at = Some(Rpm::new((idle * 1.15) as u32));
+                all.limits.low_rpm = Limit { at, action: Action::FailSafe };
+            }
+            14 => all.limits.supply_low = Limit { at: Some(Millivolts::new(10_000)), action },
+            15 => all.start.supply_min = Some(Millivolts::new(10_000)),
             0..3 => {
                 let at = Some(Celsius::from_tenths(rng.pick(&[5500, 6200])));
                 all.limits.over_temperature = Limit { at, action };
@@ -63,6 +75,9 @@ impl Setup {
             4 => all.limits.flame_out.action = Action::Standby,
             5 => all.limits.ecu_fault = action,
             _ => {}
+        }
+        if action == Action::FailSafe && rng.percent(50) {
+            all.loss.throttle = throttle(250);
         }
         if count > 1 {
             all.when_other_fails = Some(rng.pick(&[300, 500, 800]));
@@ -124,6 +139,12 @@ impl Setup {
         supervision.start.link_stable = supervision.start.link_stable.min(ms(800));
         supervision.limits.flame_out = Limit::report(40);
         supervision.recover_after = supervision.recover_after.min(ms(300));
+        supervision.takeover.rpm_band = Rpm::new(10_000);
+        supervision.service_time = supervision.service_time.min(ms(10_000));
+        match &mut config.ecu {
+            EcuConfig::Amt(amt) => amt.half_idle = 25,
+            EcuConfig::Zk(zk) => zk.split_switch ^= true,
+        }
         config
     }
 
@@ -278,6 +299,13 @@ fn rules(config: &EngineConfig, ecu: &AnyConfig, count: usize) -> Rules {
         .find_map(limit),
         limit_flame: limit(all.limits.flame_out.action),
         limit_hot: limit(all.limits.hot_start.action),
+        limit_low_rpm: (all.limits.low_rpm.at)
+            .zip(limit(all.limits.low_rpm.action))
+            .map(|(at, standby)| (f64::from(at.get()), standby)),
+        limit_jump: limit(all.limits.implausible.action),
+        limit_supply: all.limits.supply_low.at.and(limit(all.limits.supply_low.action)),
+        supply_counts: all.start.supply_min.is_some(),
+        burning: f64::from(all.burning_egt.tenths()) / 10.0,
         when_other_fails: all.when_other_fails.map(u32::from),
     }
 }

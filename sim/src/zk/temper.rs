@@ -16,6 +16,8 @@ pub struct ZkTemper {
     pub relights: u8,
     /// Service commands are also obeyed while the engine is cooled. Default `false`.
     pub services_while_cooling: bool,
+    /// The state is standby while OpenPump holds the pump open. Default `false`: it is that of the pump's test.
+    pub standby_while_pump_is_open: bool,
     /// The tests of main valve and ignition valve let fuel through. Default `false`.
     pub valves_pass_fuel: bool,
     /// ID 0 prevents a loss of the control signal, up to version 4. Default `true`: "keep the connection". Otherwise an
@@ -32,6 +34,7 @@ impl ZkTemper {
         starts_hot: false,
         relights: 0,
         services_while_cooling: false,
+        standby_while_pump_is_open: false,
         valves_pass_fuel: false,
         empty_keeps_control: true,
     };

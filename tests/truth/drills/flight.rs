@@ -1,8 +1,9 @@
 //! Drills in flight.
 
 use super::{Condition, Director, IDLE, Step, beside, fault, once, silent, stream, throttle};
-use crate::faults::Fault;
-use crate::history::{Cause, MS, PilotCommand, SECOND};
+use crate::acts::Act;
+use crate::faults::{Fault, Odd};
+use crate::history::{Cause, Demanded, MS, PilotCommand, SECOND};
 use crate::pilots::Rng;
 use sim::turbine::EgtSensor;
 
@@ -15,7 +16,13 @@ impl Director {
             let wire = rng.pick(&[Fault::FlameOut, Fault::FlameOut, Fault::CutToNode]);
             return ("an engine fails", vec![fault(wire, length), Step::Wait(length + 4 * SECOND)]);
         }
-        match rng.below(100) {
+        if self.in_a_group && rng.percent(15) {
+            return ("the share is changed", self.shares(rng));
+        }
+        if rng.percent(35) {
+            return self.combined(rng);
+        }
+        match rng.below(106) {
             0..12 => ("a gap", self.gap(rng)),
             12..18 => ("damaged frames", self.damage(rng)),
             18..34 => ("silence", self.silence(rng)),
@@ -35,7 +42,13 @@ impl Director {
             82..88 => ("odd frames", self.odd_frames(rng)),
             88..92 => ("the transmitter hangs", self.stall(rng)),
             92..95 => ("present", self.present(rng)),
-            _ => ("standby over a reset", self.standby_over_a_reset(rng)),
+            95..100 => ("standby over a reset", self.standby_over_a_reset(rng)),
+            100 | 101 if self.rules.limit_supply.is_some() && !amt => {
+                let length = rng.spread(SECOND, 8 * SECOND);
+                ("supply low", vec![fault(Fault::LowSupply, length), Step::Wait(length + 5 * SECOND)])
+            }
+            100..103 => ("a start while hot", self.start_while_hot(rng)),
+            _ => ("odd frames", self.odd_frames(rng)),
         }
     }
 
@@ -48,11 +61,11 @@ impl Director {
     }
 
     /// From the last command of the source that flies to the end of the hold.
-    const fn to_hold_end(&self) -> u64 {
+    pub(super) const fn to_hold_end(&self) -> u64 {
         self.age() + self.rules.hold
     }
 
-    fn lower(&self, rng: &mut Rng) -> Option<usize> {
+    pub(super) fn lower(&self, rng: &mut Rng) -> Option<usize> {
         (self.main < 3).then(|| rng.between(self.main as u64 + 1, 4) as usize)
     }
 
@@ -74,7 +87,7 @@ impl Director {
     }
 
     /// A cut for no longer than the ECU puts up with.
-    fn outlived(&self, length_us: u64) -> u64 {
+    pub(super) fn outlived(&self, length_us: u64) -> u64 {
         if self.rules.kind.continues_without_commands() {
             length_us
         } else {
@@ -98,10 +111,11 @@ impl Director {
 
     fn damage(&self, rng: &mut Rng) -> Vec<Step> {
         let patience = self.rules.gives_up_after;
-        let (what, length) = match rng.below(6) {
+        let (what, length) = match rng.below(8) {
             0..3 => (Fault::Framing(rng.pick(&[100_000, 500_000])), rng.spread(patience, 9500 * MS)),
             3 => (Fault::Damage(true, false), rng.spread(SECOND, 9500 * MS)),
             4 => (Fault::Damage(true, false), rng.between(12, 18) * SECOND),
+            5 | 6 => (Fault::Babble, self.outlived(rng.spread(400 * MS, 8 * SECOND))),
             _ => (Fault::Damage(false, true), patience * rng.between(50, 88) / 100),
         };
         vec![fault(what, length.max(MS)), Step::Wait(length + SECOND)]
@@ -170,6 +184,7 @@ impl Director {
             let down = rng.spread(5 * MS, patience / 4);
             steps.push(match rng.below(10) {
                 0 => Step::AnotherEngine(down),
+                1 => Step::OtherSettings(down),
                 _ => Step::Reset(cause, down),
             });
             steps.push(Step::Wait(rng.spread(300 * MS, 4 * SECOND)));
@@ -187,8 +202,8 @@ impl Director {
             return Vec::new();
         };
         let close = match self.stick {
-            crate::history::Demanded::Throttle(tenths) => throttle(tenths.saturating_sub(30)),
-            rpm @ crate::history::Demanded::Rpm(_) => PilotCommand::Run(rpm),
+            Demanded::Throttle(tenths) => throttle(tenths.saturating_sub(30)),
+            rpm @ Demanded::Rpm(_) => PilotCommand::Run(rpm),
         };
         let wants = if rng.percent(25) { close } else { self.another(rng) };
         let mut steps = vec![stream(other, wants), Step::Wait(rng.spread(200 * MS, 10 * SECOND))];
@@ -238,7 +253,8 @@ impl Director {
         let mut steps = vec![stream(self.main, throttle(1000)), Step::Wait(rng.between(8, 14) * SECOND)];
         match rng.below(3) {
             0 => steps.push(Step::Reset(Cause::Watchdog, 20 * MS)),
-            1 => steps.push(stream(self.main, throttle(200))),
+            // For long enough to see that it is obeyed below the fail-safe throttle, too.
+            1 => steps.extend([stream(self.main, throttle(rng.pick(&[0, 200]))), Step::Wait(12 * SECOND)]),
             _ => {}
         }
         steps.extend([Step::Wait(5 * SECOND), stream(self.main, throttle(800)), Step::Wait(5 * SECOND)]);
@@ -272,6 +288,17 @@ impl Director {
     }
 
     fn sticks(&self, rng: &mut Rng) -> Vec<Step> {
+        if let Demanded::Rpm(_) = self.stick
+            && rng.percent(60)
+        {
+            // Beyond the highest speed: of the ECU, or of the governor.
+            let most = if self.rules.governor { 110_000.0 } else { self.rules.max_rpm };
+            let beyond = Demanded::Rpm((most * 1.01) as u32);
+            return vec![
+                stream(self.main, PilotCommand::Run(beyond)),
+                Step::Wait(rng.between(8, 14) * SECOND),
+            ];
+        }
         let moves = (0..rng.between(2, 7)).flat_map(|_| {
             let up = rng.pick(&[0, 200, 500, 1000]);
             [stream(self.main, throttle(up)), Step::Wait(rng.spread(300 * MS, 6 * SECOND))]
@@ -317,11 +344,55 @@ impl Director {
         ]
     }
 
-    /// Reports of an engine at rest, with good ones between them: they do not agree.
+    /// Reports of an engine at rest, with good ones between them: they do not agree. Or such as say too little to end a life, or of
+    /// which it takes more.
     fn odd_frames(&self, rng: &mut Rng) -> Vec<Step> {
+        let odd = |odd| fault(Fault::OddFrame(odd), MS);
+        match rng.below(10) {
+            0 | 1 => {
+                let frames = (0..rng.between(1, 4)).flat_map(|_| [odd(Odd::SlowShaft), Step::Wait(30 * MS)]);
+                return frames.chain([Step::Wait(3 * SECOND)]).collect();
+            }
+            // Two in a row: a change that no turbine makes.
+            2 | 3 => return vec![odd(Odd::SlowShaft), odd(Odd::SlowShaft), Step::Wait(8 * SECOND)],
+            4 => return vec![odd(Odd::HotExhaust), Step::Wait(5 * SECOND)],
+            5 if !self.is_amt() => {
+                let frames =
+                    (0..rng.between(2, 4)).flat_map(|_| [odd(Odd::LaterVersion), Step::Wait(30 * MS)]);
+                return frames.chain([Step::Wait(5 * SECOND)]).collect();
+            }
+            _ => {}
+        }
         // The state comes once in ten frames at most.
         let apart = self.rules.period * if self.is_amt() { 22 } else { 100 } / 10;
-        (0..rng.between(1, 6)).flat_map(|_| [fault(Fault::OneFrameAtRest, MS), Step::Wait(apart)]).collect()
+        (0..rng.between(1, 6))
+            .flat_map(|_| [fault(Fault::OddFrame(Odd::AtRest), MS), Step::Wait(apart)])
+            .collect()
+    }
+
+    /// By how much the demand is reduced while another engine has failed, which may be now.
+    fn shares(&self, rng: &mut Rng) -> Vec<Step> {
+        let changes = (0..rng.between(1, 4)).flat_map(|_| {
+            [Step::Act(Act::Share(rng.pick(&[300, 500, 800]))), Step::Wait(rng.between(2, 7) * SECOND)]
+        });
+        changes.collect()
+    }
+
+    /// Standby, and run again as soon as it is out; or a service.
+    fn start_while_hot(&self, rng: &mut Rng) -> Vec<Step> {
+        let next = match self.is_amt() || rng.percent(50) {
+            true => stream(self.main, IDLE),
+            false => once(self.main, PilotCommand::Service(rng.pick(&[1, 2, 3, 4, 5, 12]))),
+        };
+        vec![
+            stream(self.main, PilotCommand::Standby),
+            Step::Until(Condition::Out, 4 * SECOND),
+            Step::Wait(rng.spread(SECOND, 10 * SECOND)),
+            next,
+            Step::Wait(3 * SECOND),
+            stream(self.main, PilotCommand::Standby),
+            Step::Wait(SECOND),
+        ]
     }
 
     fn stall(&self, rng: &mut Rng) -> Vec<Step> {

@@ -1,17 +1,24 @@
 //! Drills of an engine at rest, and in a start.
 
-use super::{Condition, Director, IDLE, Step, beside, fault, once, silent, stream, throttle};
+use super::{Condition, Director, IDLE, OPEN_PUMP, Step, beside, fault, once, silent, stream, throttle};
 use crate::acts::Act;
 use crate::faults::Fault;
-use crate::history::{Cause, Demanded, MS, PilotCommand, SECOND};
+use crate::history::{Cause, Demanded, Kind, MS, PilotCommand, SECOND};
 use crate::pilots::Rng;
 
-const OPEN_PUMP: PilotCommand = PilotCommand::Service(12);
+/// Engines of a node that start together do so at multiples of this time.
+const TOGETHER: u64 = 40 * SECOND;
 
 impl Director {
     /// What is done with an engine that is ready, before its start.
     pub(super) fn at_rest(&self, rng: &mut Rng) -> (&'static str, Vec<Step>) {
-        match (rng.below(10), self.is_amt()) {
+        let sends_by_itself = matches!(self.rules.kind, Kind::Zk(5..));
+        match (rng.below(18), self.is_amt()) {
+            (10..13, false) if sends_by_itself => ("the pump, and nothing beside it", self.pump_alone(rng)),
+            (10..14, false) if self.rules.supply_counts => {
+                ("a start with a low supply", self.low_supply(rng))
+            }
+            (10..18, _) => ("a start behind a loss of power", self.start_behind_a_loss_of_power(rng)),
             (0..4, false) => ("the pump", self.pump(rng)),
             (4, false) => ("services", self.services(rng)),
             (5, false) => ("PWM", self.pwm(rng)),
@@ -61,6 +68,57 @@ impl Director {
             _ => vec![once(3, PilotCommand::Stop), Step::Wait(400 * MS), once(0, PilotCommand::Stop)],
         });
         steps.extend([Step::Wait(5 * SECOND), once(0, PilotCommand::Release)]);
+        [steps, self.again()].concat()
+    }
+
+    /// The source streams nothing that would close the pump.
+    fn pump_alone(&self, rng: &mut Rng) -> Vec<Step> {
+        let begins = [silent(self.main), once(self.main, OPEN_PUMP), Step::Wait(rng.between(100, 250) * MS)];
+        let mut steps = begins.to_vec();
+        steps.extend(match rng.below(10) {
+            0 => vec![once(rng.below(4) as usize, PilotCommand::Stop)],
+            1 => vec![once(rng.below(4) as usize, PilotCommand::Disarm)],
+            2 => vec![Step::Wait(self.rules.ages[self.main] + self.rules.hold + 4 * SECOND)],
+            3 | 4 => vec![
+                Step::Reset(rng.pick(&[Cause::Watchdog, Cause::BrownOut]), 50 * MS),
+                Step::Wait(4 * SECOND),
+            ],
+            5 => vec![stream(self.main, PilotCommand::Nothing), Step::Wait(self.rules.hold + 4 * SECOND)],
+            6 => vec![stream(self.main, IDLE), Step::Wait(3 * SECOND)],
+            7 => vec![
+                fault(Fault::CutToEcu, rng.spread(60 * MS, 900 * MS)),
+                once(self.main, PilotCommand::Disarm),
+            ],
+            // Over and over, for longer than it may be held open.
+            _ => vec![stream(self.main, OPEN_PUMP), Step::Wait(self.rules.pump_bound + 5 * SECOND)],
+        });
+        steps.extend([Step::Wait(4 * SECOND), once(0, PilotCommand::Release)]);
+        [steps, self.again()].concat()
+    }
+
+    fn low_supply(&self, rng: &mut Rng) -> Vec<Step> {
+        let length = rng.between(3, 8) * SECOND;
+        let steps = vec![
+            fault(Fault::LowSupply, length),
+            Step::Wait(rng.between(1500, 3000) * MS),
+            stream(self.main, IDLE),
+            Step::Wait(length + SECOND),
+        ];
+        [steps, self.again()].concat()
+    }
+
+    /// Of what was armed before nothing is left, nor of what another engine's node has retained.
+    fn start_behind_a_loss_of_power(&self, rng: &mut Rng) -> Vec<Step> {
+        let reset = match rng.below(3) {
+            0 => Step::AnotherEngine(50 * MS),
+            _ => Step::Reset(rng.pick(&[Cause::BrownOut, Cause::PowerOn]), 50 * MS),
+        };
+        let steps = vec![
+            reset,
+            Step::Wait(rng.between(1800, 4000) * MS),
+            stream(self.main, IDLE),
+            Step::Wait(3 * SECOND),
+        ];
         [steps, self.again()].concat()
     }
 
@@ -178,6 +236,23 @@ impl Director {
         [vec![swap, Step::Wait(off + rng.spread(200 * MS, 6 * SECOND))], self.again()].concat()
     }
 
+    /// At the same instant as the others of the node: all but one have to wait, and something happens meanwhile.
+    fn start_together(&self, rng: &mut Rng, runs: Vec<Step>) -> Vec<Step> {
+        let begin =
+            vec![Step::Next(TOGETHER), stream(self.main, IDLE), Step::Wait(rng.spread(100 * MS, 6 * SECOND))];
+        let other = rng.below(4) as usize;
+        let steps = match rng.below(9) {
+            0 => vec![once(other, PilotCommand::Disarm)],
+            1 => vec![beside(Fault::Error(rng.between(1, 18) as u8), rng.between(8, 20) * SECOND)],
+            2 => vec![stream(self.main, throttle(rng.pick(&[50, 400])))],
+            3 => vec![silent(self.main), Step::Wait(rng.between(2, 12) * SECOND)],
+            4 => vec![once(other, IDLE), once(other, PilotCommand::Standby)],
+            5 => vec![fault(Fault::CutToNode, rng.spread(200 * MS, 3 * SECOND))],
+            _ => Vec::new(),
+        };
+        [begin, steps, vec![Step::Wait(12 * SECOND)], runs].concat()
+    }
+
     /// A start, and what happens in it.
     pub(super) fn start(&mut self, rng: &mut Rng) -> (&'static str, Vec<Step>) {
         self.stick = Demanded::Throttle(0);
@@ -188,6 +263,9 @@ impl Director {
             Step::Wait(rng.spread(300 * MS, 7 * SECOND)),
         ];
         let other = rng.below(4) as usize;
+        if self.in_a_group && rng.percent(40) {
+            return ("two engines start together", self.start_together(rng, runs));
+        }
         let (name, steps) = match rng.below(20) {
             0 => ("disarm in a start", vec![once(other, PilotCommand::Disarm), Step::Wait(3 * SECOND)]),
             1 => ("silence in a start", vec![silent(self.main), Step::Wait(rng.between(2, 25) * SECOND)]),

@@ -1,6 +1,7 @@
 //! Drills: one thing goes wrong at a time, to an engine that is looked after sensibly before and after it. A director takes its engine
 //! from standby to a start, through one drill in flight after the other, to a shutdown, and again.
 
+mod combined;
 mod flight;
 mod ground;
 mod play;
@@ -23,6 +24,10 @@ pub enum Step {
     Reset(Cause, u64),
     /// The same, and it comes back as one that runs another engine.
     AnotherEngine(u64),
+    /// Or with other settings.
+    OtherSettings(u64),
+    /// Waits until the time is a multiple of this one.
+    Next(u64),
 }
 
 /// What a drill waits for.
@@ -74,6 +79,7 @@ fn throttle(tenths: u32) -> PilotCommand {
     PilotCommand::Run(Demanded::Throttle(tenths))
 }
 
+const OPEN_PUMP: PilotCommand = PilotCommand::Service(12);
 const IDLE: PilotCommand = PilotCommand::Run(Demanded::Throttle(0));
 
 /// Takes an engine from drill to drill.

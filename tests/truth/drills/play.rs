@@ -6,6 +6,11 @@ use crate::history::{Cause, MS};
 use crate::pilots::{Rng, View};
 use sim::turbine::Phase;
 
+/// A reset by the watchdog that takes this long.
+const fn of(down: u64) -> Blow {
+    Blow { at: 0, down, cause: Cause::Watchdog, with_ecu: false, other_settings: false, other_engine: false }
+}
+
 impl Director {
     /// What happens now, and notes for the log.
     pub fn play(&mut self, rng: &mut Rng, view: &View) -> (Vec<Act>, Vec<String>) {
@@ -27,18 +32,24 @@ impl Director {
                 Step::Until(condition, time) => {
                     (self.waits, self.until) = (Some(condition), view.now + time);
                 }
-                Step::Reset(cause, down) => self.reset(view.now, cause, down, false),
-                Step::AnotherEngine(down) => self.reset(view.now, Cause::Watchdog, down, true),
+                Step::Next(time) => self.until = (view.now / time + 1) * time,
+                Step::Reset(cause, down) => self.reset(view.now, Blow { cause, ..of(down) }),
+                Step::AnotherEngine(down) => {
+                    self.reset(view.now, Blow { other_engine: true, ..of(down) });
+                }
+                Step::OtherSettings(down) => {
+                    self.reset(view.now, Blow { other_settings: true, ..of(down) });
+                }
             }
         }
         self.next = if self.waits.is_some() { self.until.min(view.now + 50 * MS) } else { self.until };
         (acts, notes)
     }
 
-    fn reset(&mut self, now: u64, cause: Cause, down: u64, other_engine: bool) {
-        self.blow = Some(Blow { at: now, down, cause, with_ecu: false, other_settings: false, other_engine });
+    fn reset(&mut self, now: u64, blow: Blow) {
+        self.blow = Some(Blow { at: now, ..blow });
         // Until the next look, and the node is away.
-        self.until = now + 60 * MS + down;
+        self.until = now + 60 * MS + blow.down;
     }
 
     /// The next drill, by what the engine does.

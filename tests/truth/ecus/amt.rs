@@ -1,6 +1,7 @@
 //! AMT ECUs in the worlds.
 
 use super::vendor::{Facts, Seen, WorldConfig, WorldEcu};
+use crate::faults::Odd;
 use crate::history::{Kind, PilotCommand, Sent};
 use crate::pilots::Rng;
 use embassy_time::Duration;
@@ -68,6 +69,10 @@ pub fn random(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {
 /// A fault of it clears, and in some it waits for longer without a reply than the node assumes.
 pub fn for_drills(rng: &mut Rng, engine: &mut EngineConfig, ecu: &mut AmtConfig) {
     ecu.temper.trips_clear_after = Some(rng.spread(500, 10_000) * 1_000_000);
+    // Such a state is there more often, and for longer: an order that was given up finds it.
+    if let Some(in_flight) = &mut ecu.temper.in_flight {
+        in_flight.every = 12_000_000_000;
+    }
     if let EcuConfig::Amt(amt) = &mut engine.ecu
         && rng.percent(40)
     {
@@ -90,8 +95,16 @@ impl WorldEcu for AmtEcu {
         vec![0xFF, status | rng.pick(&[1, 2, 4]), rng.below(200) as u8, rng.below(200) as u8, 0, 0]
     }
 
-    fn frame_at_rest(&self) -> Vec<u8> {
-        vec![0xFF, 4, 0, 0, 0, 0]
+    fn odd_frame(&self, odd: Odd) -> Vec<u8> {
+        // Full operation at its speed with the switch at run, by the unit of the Olympus; AMT-7 for the exhaust.
+        let running = Status::FullOperation.bits() | 4;
+        let rpm = (self.turbine().rpm() / 500.0).clamp(0.0, 254.0) as u8;
+        match odd {
+            Odd::AtRest => vec![0xFF, 4, 0, 0, 0, 0],
+            Odd::SlowShaft => vec![0xFF, running, 0, 120, 0, 0],
+            Odd::HotExhaust => vec![0xFF, running, rpm, 230, 0, 0],
+            Odd::LaterVersion => Vec::new(),
+        }
     }
 }
 

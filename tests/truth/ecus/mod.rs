@@ -23,8 +23,9 @@ pub fn quicken(rng: &mut Rng, engine: &mut EngineConfig, ecu: &mut AnyConfig) {
     let turbine = ecu.turbine_mut();
     (turbine.ignition_s, turbine.preheat_s, turbine.ramp_s, turbine.learn_s) = (1.5, 2.0, 5.0, 1.5);
     turbine.cooling_s = rng.pick(&[8.0, 8.0, turbine.cooling_s]);
-    if let AnyConfig::Amt(config) = ecu {
-        amt::for_drills(rng, engine, config);
+    match ecu {
+        AnyConfig::Amt(config) => amt::for_drills(rng, engine, config),
+        AnyConfig::Zk(config) => zk::for_drills(rng, config),
     }
 }
 

@@ -1,6 +1,7 @@
 //! What the worlds need of a protocol. Each has a file beside this one, which implements it for the simulated ECU and its
 //! configuration.
 
+use crate::faults::Odd;
 use crate::history::{Kind, PilotCommand};
 use crate::pilots::Rng;
 use jetlink::ecu::{EcuConfig, Service};
@@ -30,8 +31,11 @@ pub trait WorldEcu {
     /// A frame that is well formed and not true: another state, or another version.
     fn wrong_frame(&self, rng: &mut Rng) -> Vec<u8>;
 
-    /// A frame that is well formed, and reports an engine at rest.
-    fn frame_at_rest(&self) -> Vec<u8>;
+    /// A frame that is well formed, and reports this; none, where the protocol has no such frame.
+    fn odd_frame(&self, odd: Odd) -> Vec<u8>;
+
+    /// It reports a supply below every limit from now on, or its own, where it is known how it reports one.
+    fn lower_supply(&mut self, _low: bool) {}
 }
 
 /// What the judge may know of an ECU.

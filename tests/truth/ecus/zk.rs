@@ -1,6 +1,7 @@
 //! ZK ECUs in the worlds.
 
 use super::vendor::{Facts, Seen, WorldConfig, WorldEcu};
+use crate::faults::Odd;
 use crate::history::{Kind, PilotCommand, Sent};
 use crate::pilots::Rng;
 use jetlink::config::EngineConfig;
@@ -12,6 +13,10 @@ use sim::any::{AnyConfig, AnyEcu};
 use sim::control::{Command, Frame};
 use sim::turbine::Switch;
 use sim::zk::{ControlledBy, Pwm, ZkCommand, ZkConfig, ZkEcu, ZkTemper};
+
+/// The supply of an ECU, and one below every limit, V.
+const SUPPLY: f64 = 11.1;
+const LOW_SUPPLY: f64 = 9.0;
 
 /// For the named cases: it does what harm the document allows.
 pub fn case(version: u8) -> (EngineConfig, AnyConfig) {
@@ -47,6 +52,7 @@ pub fn random(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {
         starts_hot: rng.percent(35),
         relights: rng.pick(&[0, 0, 1]),
         services_while_cooling: rng.percent(50),
+        standby_while_pump_is_open: false,
         valves_pass_fuel: rng.percent(50),
         empty_keeps_control: rng.percent(75),
     };
@@ -63,6 +69,11 @@ pub fn random(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {
         ..ZkConfig::new(version).on(sim::line_of!(line))
     };
     (config, AnyConfig::Zk(ecu))
+}
+
+/// It may report standby while its pump is open.
+pub fn for_drills(rng: &mut Rng, ecu: &mut ZkConfig) {
+    ecu.temper.standby_while_pump_is_open = rng.percent(50);
 }
 
 impl WorldEcu for ZkEcu {
@@ -89,10 +100,25 @@ impl WorldEcu for ZkEcu {
         frame
     }
 
-    fn frame_at_rest(&self) -> Vec<u8> {
-        let mut frame = vec![0xF1, 0, 0, 0, 0, 0];
+    fn odd_frame(&self, odd: Odd) -> Vec<u8> {
+        let [low, high, ..] = ((self.turbine().rpm() / 10.0) as u32).to_le_bytes();
+        let mut frame = match odd {
+            Odd::AtRest => vec![0xF1, 0, 0, 0, 0, 0],
+            // The curves; they do not say what the engine does.
+            Odd::SlowShaft => vec![0xF5, 0, 0, self.ignition_voltage(), self.curve(), self.curve()],
+            // Its own state and switch at run, and 1000 °C (bits 10 to 8, and 7 to 0).
+            Odd::HotExhaust => vec![0xF1, low, high, self.state(), 4 << 2 | 2 << 5, 26],
+            Odd::LaterVersion => {
+                let max = self.config().turbine.max_rpm / 1000.0;
+                vec![0xF6, low, high, max as u8, 25, 6 << 2]
+            }
+        };
         frame.push(sim::zk::crc8(&frame));
         frame
+    }
+
+    fn lower_supply(&mut self, low: bool) {
+        self.set_supply(if low { LOW_SUPPLY } else { SUPPLY });
     }
 }
 

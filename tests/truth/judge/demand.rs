@@ -20,8 +20,8 @@ impl Case<'_> {
     fn moved(&self, when: u64, at: u64, low: f64, risen: f64, to: f64) -> bool {
         let from = low + risen;
         let failed = self.h.other_failed.touches(at.saturating_sub(10 * SECOND), at + 1);
-        let part =
-            self.h.rules.when_other_fails.filter(|_| failed).map_or(1.0, |part| f64::from(part) / 1000.0);
+        let part = self.h.largest_share(when.saturating_sub(SECOND), at).filter(|_| failed);
+        let part = part.map_or(1.0, |part| f64::from(part) / 1000.0);
         self.moved_to(when, at, from, to)
             || self.moved_to(when, at, from / part, to / part)
             || self.moved_to(when, at, low / part, (to - risen) / part)

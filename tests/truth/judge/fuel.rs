@@ -6,7 +6,7 @@ use sim::turbine::Phase;
 
 /// Services that move fuel or heat: drain, glow plug, valves, pump, pump held open. The starter does neither.
 const MOVES: [u8; 6] = [1, 2, 3, 4, 5, 12];
-const OPEN_PUMP: u8 = 12;
+pub(super) const OPEN_PUMP: u8 = 12;
 /// ZK's ClosePump.
 pub(super) const CLOSE_PUMP: u8 = 13;
 /// Frames with which a pump is closed.

@@ -67,6 +67,14 @@ impl Case<'_> {
             let over = h.times(|sample| sample.runs() && sample.rpm > rpm - 1500.0);
             all.push(("a limit whose action is standby", over.longer(SETTLES)));
         }
+        if h.rules.limit_supply == Some(true) {
+            all.push(("a limit whose action is standby", h.low_supply.longer(SETTLES)));
+        }
+        if h.rules.limit_jump == Some(true) {
+            // Two frames in a row that show it.
+            let jumps = h.jumps.iter().map(|jump| (*jump, jump + SECOND)).collect::<Vec<_>>();
+            all.push(("a limit whose action is standby", Spans::from(&jumps).longer(SETTLES)));
+        }
         if h.rules.limit_change == Some(true) {
             // What no turbine does is seen where values are damaged, or a thermocouple breaks.
             all.push(("a limit whose action is standby", h.noise.union(&h.sensor).longer(SETTLES)));
@@ -451,9 +459,12 @@ impl Case<'_> {
         // be reported as running.
         let out =
             |sample: &Sample| matches!(sample.phase, Phase::Running | Phase::LearningIdle) && !sample.lit;
+        let slow = |rpm| noise || ran.iter().any(|sample| sample.lit && sample.rpm < rpm + 1500.0);
+        let limit_low = matches!(h.rules.limit_low_rpm, Some((rpm, false)) if slow(rpm));
+        let limit_supply = h.rules.limit_supply == Some(false) && h.low_supply.touches(start, at + 1);
         let limit_change = h.rules.limit_change == Some(false)
             && (noise || h.sensor.touches(start, at) || ran.iter().any(out) || !self.live.contains(at));
-        limit_change || limit_egt || limit_rpm || limit_fault || other || ctf
+        limit_low || limit_supply || limit_change || limit_egt || limit_rpm || limit_fault || other || ctf
     }
 
     /// Whether the last gap of this source was a short one, in a steady stream of a source that was in control: it continues

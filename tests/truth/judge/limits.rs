@@ -20,6 +20,8 @@ const SPOOLS_DOWN: u64 = 8 * SECOND;
 /// Rise in this time, in °C, which is one of more than 200 °C/s.
 const RISE: f64 = 165.0;
 const RISES_WITHIN: u64 = 750 * MS;
+/// A shaft that turns faster, and is reported at rest next, changes by more than the limit: 150 000 rpm/s.
+const JUMPS: f64 = 60_000.0;
 /// Resolution of the wire, 0.1 %.
 const STEP: f64 = 8.0;
 
@@ -51,6 +53,21 @@ impl Case<'_> {
             self.limit(standby, "the shaft speed", |sample| {
                 sample.rpm > rpm + BEYOND_RPM && reported(sample)
             });
+        }
+        if let Some((rpm, standby)) = rules.limit_low_rpm {
+            let amt = self.is_amt();
+            let reported = move |sample: &Sample| !sample.hidden && (!amt || !sample.fault);
+            self.limit(standby, "the shaft speed, which is low,", |sample| {
+                sample.rpm < rpm - BEYOND_RPM && reported(sample)
+            });
+        }
+        if let Some(standby) = rules.limit_supply {
+            // While it runs.
+            let low = self.h.times(|sample| sample.runs() && self.h.low_supply.contains(sample.at));
+            self.acts(standby, "the supply", &low);
+        }
+        if let Some(standby) = rules.limit_jump {
+            self.jumps(standby);
         }
         if let Some(standby) = rules.limit_fault {
             self.limit(standby, "the ECU's fault", |sample| sample.fault);
@@ -140,6 +157,43 @@ impl Case<'_> {
         until
     }
 
+    /// Two frames in a row that report a shaft which stands still, of an engine that runs: no turbine stops in that time.
+    fn jumps(&mut self, standby: bool) {
+        let h = self.h;
+        let rules = &h.rules;
+        let fall = 1000 * SECOND / u64::from(rules.ramp.min(rules.slew_down.unwrap_or(rules.ramp)).max(1));
+        let acts = self.two_values() + if standby { SECOND } else { fall + SECOND };
+        let hidden = self
+            .blind
+            .union(&self.down)
+            .union(&h.deaf)
+            .union(&h.garbled)
+            .union(&h.framing)
+            .longer(2 * SECOND);
+        for &jump in &h.jumps {
+            let at = jump + acts;
+            let since = jump.saturating_sub(2 * SECOND);
+            let (Some((_, out)), false) = (self.live.last_before(jump), h.pwm.touches(since, at)) else {
+                continue;
+            };
+            // An AMT ECU that reports faults reports no speed.
+            let faults = self.is_amt() && self.faults.touches(since, at);
+            // Slower ones change by less than the limit, where a set without a speed lies between.
+            let fast = h.sample(jump).is_some_and(|sample| sample.rpm > JUMPS && !sample.hidden);
+            if !fast || !self.known_to_run(jump) || faults || at >= out || hidden.touches(since, at + 1) {
+                continue;
+            }
+            self.verdict.count("speeds that no turbine makes", 1);
+            let text = format!("the shaft speed changes at {} as no turbine does", seconds(jump));
+            if !standby {
+                self.stays_at_fail_safe(jump, at, out, &text);
+            } else if let (demand, Some(Switch::Run)) = self.sent_at(at) {
+                let demand = demand.map_or("run".into(), |demand| demand.to_string());
+                self.verdict.finding(Rule::Limit, at, format!("{text}, and {demand} is on the wire"));
+            }
+        }
+    }
+
     /// When an engine without a flame, reported as running, has lost more of its speed than a limit allows, and no lower demand explains
     /// it.
     fn flame_outs(&self) -> Spans {
@@ -172,7 +226,9 @@ impl Case<'_> {
     /// While another engine has failed, the demand is reduced, where that is configured.
     pub(super) fn reduction(&mut self) {
         let h = self.h;
-        let Some(part) = h.rules.when_other_fails else { return };
+        if h.rules.when_other_fails.is_none() {
+            return;
+        }
         let rules = &h.rules;
         // Never slower than a loss.
         let fall = 1000 * SECOND / u64::from(rules.ramp.max(1));
@@ -201,6 +257,8 @@ impl Case<'_> {
                     _ => None,
                 }
             });
+            // One that was changed falls, or rises, at its rate.
+            let part = h.largest_share(at.saturating_sub(fall + 3 * SECOND), at).unwrap_or(1000);
             let most = lately.fold(0.0, f64::max) * f64::from(part) / 1000.0;
             let idle = match demanded {
                 Demanded::Throttle(_) => 0.0,

@@ -43,9 +43,9 @@ impl Case<'_> {
         let cut_for_stops = self.unreachable_for_stops();
         let mut ends: Vec<(u64, &str)> = Vec::new();
         for (from, to) in self.stopped.iter() {
-            if to > from + OBEYS {
-                ends.push((from + OBEYS, STOP));
-            }
+            // The second one is for a node that had only just begun at the first.
+            let ends_by = [from + OBEYS, from + 2 * OBEYS];
+            ends.extend(ends_by.into_iter().filter(|by| to > *by).map(|by| (by, STOP)));
         }
         for commanded in h.commanded.iter().filter(|commanded| commanded.command == PilotCommand::ShutDown) {
             ends.push((commanded.at + OBEYS, "the order to shut down"));
@@ -150,11 +150,14 @@ impl Case<'_> {
         let h = self.h;
         let rules = &h.rules;
         // A limit may be exceeded.
-        if rules.limit_fault.is_some() || rules.limit_change.is_some() {
+        let limited = [rules.limit_fault, rules.limit_change, rules.limit_supply];
+        if limited.iter().any(Option::is_some) {
             return;
         }
         let hidden = self.blind.union(&h.noise).union(&self.down).union(&h.sensor).union(&h.deaf);
         let hidden = hidden.union(&self.stopped).union(&self.faults);
+        let hidden =
+            if rules.supply_counts { hidden.union(&h.low_supply.longer(3 * SECOND)) } else { hidden };
         let mut before = [None; 4];
         for commanded in h
             .commanded

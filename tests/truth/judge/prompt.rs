@@ -153,6 +153,8 @@ impl Case<'_> {
         let limited = rules.limit_egt.is_some()
             || rules.limit_rpm.is_some()
             || rules.limit_fault.is_some()
+            || rules.limit_low_rpm.is_some()
+            || rules.limit_supply.is_some()
             || rules.limit_change.is_some();
         if !rules.governor || limited {
             return;

@@ -1,7 +1,8 @@
 //! Who may start an engine, and for how long an engine at rest may be sent run.
 
 use super::case::{Case, Rule, seconds};
-use crate::history::{Cause, Frame, Kind, MS, Mark, PilotCommand, SECOND, Sample, Spans, Switch};
+use super::fuel::{CLOSE_PUMP, OPEN_PUMP};
+use crate::history::{Cause, Frame, Kind, MS, Mark, PilotCommand, SECOND, Sample, Sent, Spans, Switch};
 use sim::turbine::Phase;
 use std::collections::BTreeMap;
 
@@ -9,6 +10,8 @@ use std::collections::BTreeMap;
 const LOWERED: u64 = 5 * SECOND;
 /// A source that was lost may be in control after this time without a gap: other settings after a reset.
 const RECOVERS: u64 = 300 * MS;
+/// By so much an exhaust has to be colder than that of an engine that burns, °C: an AMT report has steps of 4.6.
+const BURNS: f64 = 10.0;
 /// An exhaust that falls by 15 °C a second for 3 s is seen by values in steps of 4.6 °C when it falls by this many °C a second for
 /// this many seconds.
 const FALL: f64 = 19.0;
@@ -145,6 +148,18 @@ impl Case<'_> {
         };
         if !last(1000 * MS).is_empty() && !last(1000 * MS).iter().any(|sample| at_rest(sample.phase)) {
             return Some("the engine is not in standby".into());
+        }
+        if h.rules.supply_counts && at > 2 * SECOND && h.low_supply.within(at - 2 * SECOND, at) == 2 * SECOND
+        {
+            return Some("the supply is low".into());
+        }
+        // A pump that its node has opened, and not closed again.
+        let pump = |sent| matches!(sent, Sent::Action(OPEN_PUMP | CLOSE_PUMP));
+        let pump =
+            h.frames_within(at.saturating_sub(2 * SECOND), at).iter().rev().find(|frame| pump(frame.sent));
+        if pump.is_some_and(|frame| frame.sent == Sent::Action(OPEN_PUMP) && !self.down.touches(frame.at, at))
+        {
+            return Some("its pump is open".into());
         }
         if last(1600 * MS).iter().all(|sample| sample.fault) && !last(1600 * MS).is_empty() {
             return Some("the ECU reports a fault".into());
@@ -345,7 +360,7 @@ impl Case<'_> {
                     && !since.is_empty()
                     && since.iter().any(|sample| sample.fault)
                     && before.iter().all(|sample| sample.fault)
-                    && since.iter().all(|sample| sample.egt > 290.0 || sample.at < counts || unmeasured)
+                    && since.iter().all(|sample| sample.egt > h.rules.burning - BURNS || sample.at < counts || unmeasured)
                     // Nor does a node see the exhaust fall that is reset again before it has.
                     && (unmeasured
                         || self.longest_up(counts, at.saturating_sub(100 * MS)) < 4 * SECOND
@@ -524,7 +539,7 @@ impl Case<'_> {
         let broke = h.sensor.iter().map(|(from, _)| from).filter(|from| (out..at).contains(from)).min();
         let whole = broke.unwrap_or(at);
         let samples = h.samples(out, whole);
-        let seen = |sample: &&Sample| sample.egt < 290.0 && !h.sensor.contains(sample.at);
+        let seen = |sample: &&Sample| sample.egt < h.rules.burning - BURNS && !h.sensor.contains(sample.at);
         let cold = samples.iter().find(seen).map_or(at, |cold| cold.at + LOWERED);
         if let Some(lowered) = self.last_lowered(out.saturating_sub(LOWERED), at) {
             return cold.max(lowered + LOWERED);

@@ -461,6 +461,64 @@ fn a_limit_that_is_exceeded_has_its_action() {
     story(0, 500.0, false).with(rpm).passes();
 }
 
+/// A shaft below its limit, a supply below it, and a change that no turbine makes: what each of them has to come to.
+#[test]
+fn a_slow_shaft_a_low_supply_and_a_jump_have_the_action_of_their_limit() {
+    let story = |tenths| {
+        flight(ZK5, 40.0)
+            .streams(PILOT, 40.0, 60.0, PilotCommand::Run(Demanded::Throttle(500)))
+            .ramp(41.0, 500, tenths)
+            .wire(42.1, 60.0, Sent::Full(Switch::Run, tenths))
+            .turbine(40.0, 60.0, Phase::Running, 100_000.0, 500.0)
+    };
+    let slow = |h: &mut History| {
+        h.rules.limit_low_rpm = Some((60_000.0, false));
+        h.samples.iter_mut().filter(|sample| sample.at >= 40 * SECOND).for_each(|s| s.rpm = 55_000.0);
+    };
+    story(500).with(slow).breaks(&[Rule::Limit]);
+    story(0).with(slow).passes();
+    // Near the limit it is not known on which side the reports are.
+    let near = |h: &mut History| h.samples.iter_mut().for_each(|s| s.rpm = s.rpm.max(58_000.0));
+    story(500).with(slow).with(near).passes();
+    let supply = |h: &mut History| {
+        h.rules.limit_supply = Some(false);
+        h.low_supply = Spans::from(&[(40 * SECOND, 45 * SECOND)]);
+    };
+    story(500).with(supply).breaks(&[Rule::Limit]);
+    story(0).with(supply).passes();
+    let jump = |standby: bool| {
+        move |h: &mut History| {
+            h.rules.limit_jump = Some(standby);
+            h.rules.limit_change = Some(standby);
+            h.jumps.push(40 * SECOND);
+        }
+    };
+    story(500).with(jump(false)).breaks(&[Rule::Limit]);
+    story(500).with(jump(true)).breaks(&[Rule::Limit]);
+    story(500).passes();
+}
+
+#[test]
+fn a_share_that_is_changed_counts_from_then_on() {
+    let story = |changed: u64| {
+        flight(ZK5, 40.0)
+            .streams(PILOT, 40.0, 60.0, PilotCommand::Run(Demanded::Throttle(500)))
+            .ramp(40.0, 500, 250)
+            .wire(41.0, 50.0, Sent::Full(Switch::Run, 250))
+            .ramp(50.0, 250, 400)
+            .wire(50.5, 60.0, Sent::Full(Switch::Run, 400))
+            .turbine(40.0, 60.0, Phase::Running, 80_000.0, 500.0)
+            .with(|h| {
+                h.rules.when_other_fails = Some(500);
+                h.shares.push((changed * SECOND, 800));
+                h.other_down = Spans::from(&[(40 * SECOND, 70 * SECOND)]);
+                h.other_failed = h.other_down.clone();
+            })
+    };
+    story(50).passes();
+    story(59).breaks(&[Rule::Reduction]);
+}
+
 #[test]
 fn a_demand_is_reduced_while_another_engine_has_failed() {
     let story = |tenths| {

@@ -47,6 +47,22 @@ fn an_ignition_follows_one_sources_own_standby_and_run_while_armed() {
     // A hot exhaust.
     let hot = |h: &mut History| h.samples.iter_mut().for_each(|sample| sample.egt = 180.0);
     streams(ready(ZK5)).with(hot).breaks(&[Rule::Ignition, Rule::RunAtRest]);
+    // A low supply, where that counts, and a pump that was opened and not closed.
+    let supply = |counts: bool| {
+        move |h: &mut History| {
+            h.rules.supply_counts = counts;
+            h.low_supply = Spans::from(&[(0, 8 * SECOND)]);
+        }
+    };
+    streams(ready(ZK5)).with(supply(false)).passes();
+    streams(ready(ZK5)).with(supply(true)).breaks(&[Rule::Ignition, Rule::RunAtRest]);
+    let pump = |last: u8| {
+        let service = PilotCommand::Service(12);
+        let opened = ready(ZK5).once(PILOT, 3.0, service).wire(3.0, 3.01, Sent::Action(12));
+        streams(opened.wire(3.2, 3.21, Sent::Action(last)))
+    };
+    pump(13).passes();
+    pump(12).breaks(&[Rule::Ignition, Rule::RunAtRest]);
     // One that is not measured.
     let broken = |h: &mut History| h.sensor = Spans::from(&[(0, 8 * SECOND)]);
     streams(ready(ZK5)).with(broken).breaks(&[Rule::Ignition, Rule::RunAtRest]);

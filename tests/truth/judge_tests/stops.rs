@@ -39,6 +39,12 @@ fn an_engine_that_is_shut_down_goes_out() {
         |h: &mut History| h.frames.iter_mut().filter(|f| f.at >= 60 * SECOND).for_each(|f| f.sent = STOP);
     by_command(PilotCommand::Stop, 60.2).with(stopped).passes();
     by_command(PilotCommand::Stop, 66.0).with(stopped).breaks(&[Rule::Obeyed]);
+    // Of a node that had only just begun, too, and a moment later.
+    let begun = |h: &mut History| {
+        h.resets.push(Reset { down: 59_700 * MS, up: 59_800 * MS, cause: Cause::PowerOn });
+    };
+    by_command(PilotCommand::Stop, 61.8).with(stopped).with(begun).passes();
+    by_command(PilotCommand::Stop, 66.0).with(stopped).with(begun).breaks(&[Rule::Obeyed]);
     // The wire to it is cut.
     let cut = |h: &mut History| h.deaf = Spans::from(&[(59 * SECOND, 90 * SECOND)]);
     by_command(PilotCommand::ShutDown, 66.0).with(cut).passes();

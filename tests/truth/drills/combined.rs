@@ -1,0 +1,180 @@
+//! Drills in flight in which one thing goes wrong within another.
+
+use super::{Condition, Director, Step, beside, fault, once, silent, stream, throttle};
+use crate::faults::{Fault, Odd};
+use crate::history::{Cause, MS, PilotCommand, SECOND};
+use crate::pilots::Rng;
+
+impl Director {
+    pub(super) fn combined(&self, rng: &mut Rng) -> (&'static str, Vec<Step>) {
+        match (rng.below(20), self.is_amt()) {
+            (0..3, true) => ("the ECU or the flame goes out in a gap", self.out_in_a_gap(rng)),
+            (3..5, true) => ("CTF and a reset", self.ctf_and_a_reset(rng)),
+            (5..7, true) => ("an order that is given up", self.given_up(rng)),
+            (0..4, false) => ("a stop right behind a power-on", self.stop_behind_a_power_on(rng)),
+            (4..7, false) => ("damage to the ECU", self.damage_to_the_ecu(rng)),
+            (7..10, _) => ("at rest, a gap, at rest", self.at_rest_around_a_gap(rng)),
+            (10..13, _) => ("a cut and a reset in a silence", self.cut_and_reset_in_a_silence(rng)),
+            (13..16, _) => ("a lower source's standby, and a reset", self.lower_standby(rng)),
+            (16..18, _) => ("resets while a lost source is back", self.resets_of_a_lost_source(rng)),
+            _ => ("the transmitter hangs, and a reset", self.stall_and_reset(rng)),
+        }
+    }
+
+    /// The cut hides that it happened, and what an ECU says when it is powered up.
+    fn out_in_a_gap(&self, rng: &mut Rng) -> Vec<Step> {
+        let length = self.outlived(rng.between(900, 6000) * MS);
+        let out = match rng.below(3) {
+            0 => fault(Fault::FlameOut, MS),
+            _ => beside(Fault::PowerOff, rng.spread(30 * MS, 300 * MS)),
+        };
+        let wire = rng.pick(&[Fault::CutToNode, Fault::CutBoth]);
+        vec![
+            fault(wire, length),
+            Step::Wait(rng.spread(20 * MS, 200 * MS)),
+            out,
+            Step::Wait(length + 4 * SECOND),
+        ]
+    }
+
+    fn ctf_and_a_reset(&self, rng: &mut Rng) -> Vec<Step> {
+        vec![
+            once(self.main, PilotCommand::Ctf),
+            Step::Wait(rng.between(150, 600) * MS),
+            Step::Reset(Cause::Watchdog, 30 * MS),
+            stream(self.main, self.another(rng)),
+            Step::Until(Condition::Out, self.rules.gives_up_after + 3 * SECOND),
+        ]
+    }
+
+    /// The order is given up in a gap, and the engine comes back as it was, in another state, or with faults.
+    fn given_up(&self, rng: &mut Rng) -> Vec<Step> {
+        let length = self.outlived(self.rules.serial_delay + rng.between(300, 3000) * MS);
+        let before_its_end = rng.between(50, 400) * MS;
+        let returns = match rng.below(5) {
+            0 => vec![fault(Fault::FlameOut, MS)],
+            1 => vec![beside(Fault::PowerOff, rng.spread(30 * MS, 300 * MS))],
+            2 => vec![beside(Fault::Error(rng.between(1, 18) as u8), rng.spread(SECOND, 5 * SECOND))],
+            3 => vec![silent(self.main)],
+            _ => Vec::new(),
+        };
+        let cut = [fault(Fault::CutToNode, length), Step::Wait(length.saturating_sub(before_its_end))];
+        [cut.to_vec(), returns, vec![Step::Wait(before_its_end + 5 * SECOND)]].concat()
+    }
+
+    /// The node, or the ECU, has only just begun, and does not know of the other one.
+    fn stop_behind_a_power_on(&self, rng: &mut Rng) -> Vec<Step> {
+        let by = rng.below(4) as usize;
+        let off = rng.spread(300 * MS, 2 * SECOND);
+        let begins = match rng.below(4) {
+            0 => vec![fault(Fault::PowerOff, off), Step::Wait(off + self.rules.boot)],
+            1 => vec![Step::Reset(Cause::BrownOut, 30 * MS)],
+            _ => vec![Step::Reset(Cause::PowerOn, 30 * MS)],
+        };
+        let stop = [Step::Wait(rng.spread(5 * MS, 300 * MS)), once(by, PilotCommand::Stop)];
+        [begins, stop.to_vec(), vec![Step::Wait(4 * SECOND)]].concat()
+    }
+
+    /// For longer than an ECU of an early version waits, where it is a later one.
+    fn damage_to_the_ecu(&self, rng: &mut Rng) -> Vec<Step> {
+        let length = self.outlived(rng.spread(900 * MS, 9500 * MS));
+        let meanwhile = match rng.below(3) {
+            0 => stream(self.main, PilotCommand::Standby),
+            1 => once(rng.below(4) as usize, PilotCommand::ShutDown),
+            _ => stream(self.main, self.another(rng)),
+        };
+        vec![
+            fault(Fault::Damage(false, true), length),
+            Step::Wait(length * rng.between(10, 90) / 100),
+            meanwhile,
+            Step::Wait(length + SECOND),
+        ]
+    }
+
+    /// A report of an engine at rest right before a gap, and one right behind it, neither of which its ECU sent: they do not agree.
+    fn at_rest_around_a_gap(&self, rng: &mut Rng) -> Vec<Step> {
+        let period = self.rules.period;
+        let length = self.outlived(period * rng.between(5, 12));
+        vec![
+            fault(Fault::OddFrame(Odd::AtRest), MS),
+            Step::Wait(period * rng.between(20, 110) / 100),
+            fault(Fault::CutToNode, length),
+            Step::Wait(length),
+            fault(Fault::OddFrame(Odd::AtRest), MS),
+            Step::Wait(3 * SECOND),
+        ]
+    }
+
+    fn cut_and_reset_in_a_silence(&self, rng: &mut Rng) -> Vec<Step> {
+        let last = self.rules.standby_after.unwrap_or(10 * SECOND);
+        let all = self.to_hold_end() + 1000 * SECOND / u64::from(self.rules.ramp);
+        let cut = match self.is_amt() {
+            true => self.rules.serial_delay + rng.between(300, 2500) * MS,
+            false => rng.spread(300 * MS, 6 * SECOND),
+        };
+        let cut = self.outlived(cut);
+        let resets = (0..rng.pick(&[1, 1, 2, 4])).flat_map(|_| {
+            let cause = rng.pick(&[Cause::Watchdog, Cause::Watchdog, Cause::BrownOut]);
+            [Step::Reset(cause, 30 * MS), Step::Wait(rng.spread(300 * MS, 2 * SECOND))]
+        });
+        let resets: Vec<Step> = resets.collect();
+        let begins = vec![
+            silent(self.main),
+            Step::Wait(rng.spread(100 * MS, 3 * SECOND)),
+            fault(Fault::CutToNode, cut),
+            Step::Wait(cut * rng.between(20, 120) / 100),
+        ];
+        [begins, resets, vec![Step::Wait(all + last + 4 * SECOND)]].concat()
+    }
+
+    /// It waits below the source that flies, which is away for a moment: with an order that is given up, or behind a reset.
+    fn lower_standby(&self, rng: &mut Rng) -> Vec<Step> {
+        let Some(lower) = self.lower(rng) else { return Vec::new() };
+        let cut = self.outlived(self.rules.serial_delay + rng.between(300, 1500) * MS);
+        let gap = vec![
+            silent(self.main),
+            fault(Fault::CutToNode, cut),
+            Step::Wait(cut + rng.between(500, 3000) * MS),
+            stream(self.main, self.flies()),
+        ];
+        let cause = rng.pick(&[Cause::Watchdog, Cause::Watchdog, Cause::BrownOut, Cause::PowerOn]);
+        let reset = vec![
+            silent(self.main),
+            Step::Reset(cause, 20 * MS),
+            Step::Wait(rng.between(100, 700) * MS),
+            stream(self.main, self.flies()),
+        ];
+        let both = if self.is_amt() && rng.percent(50) { gap } else { reset };
+        let begins = vec![stream(lower, PilotCommand::Standby), Step::Wait(2 * SECOND)];
+        [begins, both, vec![Step::Wait(4 * SECOND)]].concat()
+    }
+
+    /// It was lost, and has to command for a while before it is in control: the node is reset over and over before that.
+    fn resets_of_a_lost_source(&self, rng: &mut Rng) -> Vec<Step> {
+        let last = self.rules.standby_after.unwrap_or(10 * SECOND);
+        let runs = rng.between(420, 720) * MS;
+        let count = ((last + 4 * SECOND) / (runs + 80 * MS)).min(24);
+        let resets = (0..count).flat_map(|_| [Step::Reset(Cause::Watchdog, 20 * MS), Step::Wait(runs)]);
+        let begins = vec![
+            silent(self.main),
+            Step::Wait(self.to_hold_end() + rng.between(300, 3000) * MS),
+            stream(self.main, self.flies()),
+        ];
+        [begins, resets.collect(), vec![Step::Wait(3 * SECOND)]].concat()
+    }
+
+    /// A demand that no frame has carried is none that was in force.
+    fn stall_and_reset(&self, rng: &mut Rng) -> Vec<Step> {
+        let length = self.rules.gives_up_after * rng.between(50, 75) / 100;
+        vec![
+            stream(self.main, throttle(rng.pick(&[0, 200]))),
+            Step::Wait(4 * SECOND),
+            fault(Fault::Stall, length),
+            Step::Wait(length / 4),
+            stream(self.main, throttle(1000)),
+            Step::Wait(length * rng.between(10, 50) / 100),
+            Step::Reset(Cause::Watchdog, 20 * MS),
+            Step::Wait(4 * SECOND),
+        ]
+    }
+}
