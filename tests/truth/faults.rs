@@ -436,9 +436,11 @@ pub fn write_down(history: &mut History, fault: Fault, from_us: u64, to_us: u64)
         }
         Fault::OneWrongFrame | Fault::OddFrame(_) => {
             add(&mut history.noise);
-            let again = history.forged.last() == Some(&from_us);
-            if again && fault == Fault::OddFrame(Odd::SlowShaft) {
-                history.jumps.push(from_us);
+            if fault == Fault::OddFrame(Odd::SlowShaft) {
+                if history.slow.last() == Some(&from_us) {
+                    history.jumps.push(from_us);
+                }
+                history.slow.push(from_us);
             }
             history.forged.push(from_us);
         }

@@ -564,6 +564,8 @@ pub struct History {
     pub framing: Spans,
     /// When one frame came that no ECU sent.
     pub forged: Vec<u64>,
+    /// When a frame came that no ECU sent, and that reports a shaft that does not turn.
+    pub slow: Vec<u64>,
     /// When two frames in a row came that no ECU sent, and that report a shaft that does not turn.
     pub jumps: Vec<u64>,
     /// The ECU reports a supply below every limit.
@@ -618,6 +620,7 @@ impl History {
             ruined: Spans::default(),
             framing: Spans::default(),
             forged: Vec::new(),
+            slow: Vec::new(),
             jumps: Vec::new(),
             low_supply: Spans::default(),
             shares: Vec::new(),

@@ -37,7 +37,7 @@ use std::time::Instant;
 
 /// Virtual time of one world, s.
 const WORLD: u64 = 1200;
-/// Largest exempt share of the time in which rules apply, per mille.
+/// Largest exempt share of the time for which a rule applies, per mille.
 const EXEMPT: u64 = 20;
 
 /// What many worlds came to.

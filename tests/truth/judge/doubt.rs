@@ -1,7 +1,7 @@
 //! What goes out while nobody can know whether an engine lives: nothing that could start one, and all that may.
 
 use super::case::{Case, Rule, seconds};
-use crate::history::{Demanded, Kind, MS, PilotCommand, SECOND, Sent, Spans, Switch};
+use crate::history::{Demanded, Frame, Kind, MS, PilotCommand, SECOND, Sent, Spans, Switch};
 
 /// Time for which damaged frames count as frames.
 const DAMAGED_MAX: u64 = 10 * SECOND;
@@ -62,6 +62,40 @@ impl Case<'_> {
             }
         }
         self.speed_in_doubt();
+        self.slow_shaft();
+    }
+
+    /// A frame of a ZK ECU whose shaft does not turn raises doubt, whatever else it reports, until two reports of the state have come.
+    fn slow_shaft(&mut self) {
+        let h = self.h;
+        if self.is_amt() {
+            return;
+        }
+        let period = h.rules.period;
+        let hidden = self.blind.union(&self.down).union(&h.deaf).union(&h.framing).union(&h.garbled);
+        for &slow in &h.slow {
+            // It waits for what is being sent, and so does the next frame.
+            let (from, to) = (slow + 2 * period + 60 * MS, slow + (h.rounds().0 - 1) * period);
+            let since = slow.saturating_sub(2 * SECOND);
+            if from >= to
+                || !self.known_to_run(slow)
+                || hidden.touches(since, to)
+                || h.pwm.touches(since, to)
+                || self.stopped.touches(since, to)
+            {
+                continue;
+            }
+            self.verdict.count("slow shafts that raise doubt", 1);
+            let run = |frame: &&Frame| frame.sent.switch() == Some(Switch::Run);
+            if let Some(frame) = h.frames_within(from, to).iter().find(run) {
+                let text = format!(
+                    "{}, and a frame reported at {} that the shaft is at rest",
+                    frame.sent,
+                    seconds(slow)
+                );
+                self.verdict.finding(Rule::Doubt, frame.at, text);
+            }
+        }
     }
 
     /// A ZK ECU in rpm mode continues to get the speed, as long as somebody commands run.

@@ -157,7 +157,7 @@ impl Case<'_> {
         until
     }
 
-    /// Two frames in a row that report a shaft which stands still, of an engine that runs: no turbine stops in that time.
+    /// Two frames in a row that report a shaft at rest, of an engine that runs: no turbine stops in that time.
     fn jumps(&mut self, standby: bool) {
         let h = self.h;
         let rules = &h.rules;

@@ -499,6 +499,23 @@ fn a_slow_shaft_a_low_supply_and_a_jump_have_the_action_of_their_limit() {
 }
 
 #[test]
+fn a_shaft_at_rest_raises_doubt_in_any_frame() {
+    let story = |doubt: Sent| {
+        flight(ZK5, 40.0)
+            .streams(PILOT, 40.0, 45.0, PilotCommand::Run(Demanded::Throttle(500)))
+            .wire(40.0, 40.1, HALF)
+            .wire(40.1, 40.9, doubt)
+            .wire(40.9, 45.0, HALF)
+            .turbine(40.0, 45.0, Phase::Running, 100_000.0, 500.0)
+            .with(|h| h.slow.push(40 * SECOND))
+    };
+    story(Sent::Nothing).passes();
+    story(HALF).breaks(&[Rule::Doubt]);
+    // One of AMT says what the engine does, and another one is answered.
+    story(HALF).with(|h| h.rules.kind = AMT).passes();
+}
+
+#[test]
 fn a_share_that_is_changed_counts_from_then_on() {
     let story = |changed: u64| {
         flight(ZK5, 40.0)
