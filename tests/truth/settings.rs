@@ -63,6 +63,8 @@ impl Setup {
                 let at = Some(Rpm::new((idle * 1.15) as u32));
                 all.limits.low_rpm = Limit { at, action: Action::FailSafe };
             }
+            // The simulated ECUs of AMT report another supply.
+            14 | 15 if self.rules.kind.is_amt() => {}
             14 => all.limits.supply_low = Limit { at: Some(Millivolts::new(10_000)), action },
             15 => all.start.supply_min = Some(Millivolts::new(10_000)),
             0..3 => {

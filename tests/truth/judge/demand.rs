@@ -146,6 +146,12 @@ impl Case<'_> {
             }
             let Some(demanded) = frame.sent.demand() else { continue };
             let (at, share) = (frame.at, self.share(demanded));
+            // Behind a set that no ECU sent the reply to the ECU's own one is late, and it does not obey it.
+            let forged = h.forged[..h.forged.partition_point(|forged| *forged <= at)].last();
+            let late = self.is_amt() && forged.is_some_and(|forged| at < forged + rules.period);
+            if late && before.is_some_and(|(.., low)| share < low) {
+                continue;
+            }
             if frame.arrived && (!by_rpm || matches!(demanded, Demanded::Rpm(_))) {
                 obeyed = Some((demanded, share));
             }

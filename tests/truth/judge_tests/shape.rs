@@ -248,6 +248,21 @@ fn a_speed_that_the_ecu_holds_is_no_governors() {
         .breaks(&[Rule::Rate]);
 }
 
+/// 1000036: a forged set delays the ECU's own one on the wire, and the reply to that is late. What it lowered was never in force.
+#[test]
+fn a_reply_behind_a_forged_set_lowers_nothing() {
+    let story = |forged: bool| {
+        runs(flight(AMT, 40.0), 50.0)
+            .streams(PILOT, 40.0, 50.0, run(500))
+            .wire(40.0, 45.0, HALF)
+            .wire(45.0, 45.1, IDLE)
+            .wire(45.125, 50.0, HALF)
+            .with(move |h| h.forged.extend(forged.then_some(44_990 * MS)))
+    };
+    story(true).breaks_beside(&[Rule::HeldDown], &[]);
+    story(false).breaks_beside(&[Rule::HeldDown], &[Rule::Rate]);
+}
+
 #[test]
 fn behind_a_transmitter_that_hung_a_demand_may_still_rise() {
     let story = |hung: bool| {

@@ -42,6 +42,7 @@ fn an_engine_that_is_shut_down_goes_out() {
     // Of a node that had only just begun, too, and a moment later.
     let begun = |h: &mut History| {
         h.resets.push(Reset { down: 59_700 * MS, up: 59_800 * MS, cause: Cause::PowerOn });
+        h.frames.retain(|frame| !(59_700 * MS..60_000 * MS).contains(&frame.at));
     };
     by_command(PilotCommand::Stop, 61.8).with(stopped).with(begun).passes();
     by_command(PilotCommand::Stop, 66.0).with(stopped).with(begun).breaks(&[Rule::Obeyed]);
