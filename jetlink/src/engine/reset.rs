@@ -149,8 +149,11 @@ impl Engine {
                 self.retained.unwrap_or(RetainedState::new(Order::Listen, by))
             }
             Mode::Listen(finding) => {
-                let since = self.at.saturating_duration_since(finding.silent_since);
-                let of = |before| if received { Duration::from_ticks(0) } else { before + since };
+                // A source that was received may be silent again.
+                let of = |before| match self.sources.last_command() {
+                    Some(last) => self.at.saturating_duration_since(last),
+                    None => before + self.at.saturating_duration_since(finding.silent_since),
+                };
                 // A start that a reset interrupted stays one after another reset.
                 let (order, starting) = match finding.started {
                     Some(since) => {
@@ -161,8 +164,8 @@ impl Engine {
                 };
                 RetainedState {
                     ran: finding.ran,
-                    silent: RetainedState::steps(of(finding.lost_for)),
-                    all_silent: RetainedState::steps(of(finding.carried)),
+                    silent: RetainedState::silence(of(finding.lost_for), received),
+                    all_silent: RetainedState::silence(of(finding.carried), received),
                     starting,
                     ..RetainedState::new(order, finding.active_source)
                 }

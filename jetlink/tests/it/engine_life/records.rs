@@ -135,6 +135,28 @@ fn counts_without_an_order_continue_over_a_second_reset() {
     }
 }
 
+/// An order that is given up with its source silent: the silence since its last command is retained, although the node has received
+/// it since it began.
+#[test]
+fn the_silence_behind_an_order_that_was_given_up_is_retained() {
+    for (commands, silence) in [(false, 5800..=6400), (true, 0..=500)] {
+        let mut scenario = flying(Ecu::Amt);
+        scenario.silent();
+        if commands {
+            scenario.fly_us(run(50), Origin::Rc, 6 * SECOND);
+        } else {
+            scenario.pass_us(6 * SECOND);
+        }
+        // Anything makes it look at the time.
+        scenario.bench.act(|engine, now| engine.other_failed(now, true));
+        let now = record(&scenario);
+        assert_eq!(now.order, Order::Listen);
+        for silent in [now.silent, now.all_silent] {
+            assert!(silence.contains(&silent.as_millis()), "{commands}: {now:?}");
+        }
+    }
+}
+
 /// Where no order is in force, a source that is received ends the counts of silence and of resets.
 #[test]
 fn counts_without_an_order_end_when_a_source_is_received() {
