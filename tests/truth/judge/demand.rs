@@ -146,9 +146,11 @@ impl Case<'_> {
             }
             let Some(demanded) = frame.sent.demand() else { continue };
             let (at, share) = (frame.at, self.share(demanded));
-            // Behind a set that no ECU sent the reply to the ECU's own one is late, and it does not obey it.
+            // Behind a set that no ECU sent the reply to the ECU's own one is late, and it does not obey it. A governor begins behind a
+            // doubt with the throttle that the ECU reports then.
             let forged = h.forged[..h.forged.partition_point(|forged| *forged <= at)].last();
-            let late = self.is_amt() && forged.is_some_and(|forged| at < forged + rules.period);
+            let sets = if self.holds_rpm(at) { 2 } else { 1 };
+            let late = self.is_amt() && forged.is_some_and(|forged| at < forged + sets * rules.period);
             if late && before.is_some_and(|(.., low)| share < low) {
                 continue;
             }

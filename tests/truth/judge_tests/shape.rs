@@ -261,6 +261,20 @@ fn a_reply_behind_a_forged_set_lowers_nothing() {
     };
     story(true).breaks_beside(&[Rule::HeldDown], &[]);
     story(false).breaks_beside(&[Rule::HeldDown], &[Rule::Rate]);
+    // A governor begins with what the ECU reports in the second set: what it was sent before the doubt.
+    let governed = |rpm: u32, forged: u64| {
+        runs(started(AMT), 60.0)
+            .turbine(RUNS as f64, 40.0, Phase::Running, 100_000.0, 500.0)
+            .streams(PILOT, 31.0, 60.0, PilotCommand::Run(Demanded::Rpm(rpm)))
+            .ramp(31.0, 0, 300)
+            .wire(32.0, 50.0, sent(300))
+            .wire(50.0, 50.2, IDLE)
+            .wire(50.25, 60.0, sent(300))
+            .with(move |h| h.forged.push(forged * MS))
+            .with(|h| h.rules.governor = true)
+    };
+    governed(100_000, 49_950).passes();
+    governed(100_000, 49_750).breaks(&[Rule::Rate]);
 }
 
 #[test]
