@@ -595,6 +595,8 @@ pub struct History {
     pub pin: Vec<(u64, Pin)>,
     /// The valve lets no fuel through.
     pub shut: Spans,
+    /// Whether starter and ignition have power, from each instant on; `None`: no node drives it. Empty: there is no output for it.
+    pub power: Vec<(u64, Option<bool>)>,
     /// Radio control, where it commands the engine.
     pub radio: Option<Radio>,
     /// What is received through MAVLink, where the engine is commanded so.
@@ -636,6 +638,7 @@ impl History {
             sensor: Spans::default(),
             pin: Vec::new(),
             shut: Spans::default(),
+            power: Vec::new(),
             radio: None,
             mavlink: None,
         }
@@ -728,6 +731,13 @@ impl History {
     pub fn pin_is(&self, wanted: Pin) -> Spans {
         let ends = self.pin.iter().skip(1).map(|(at, _)| *at).chain([self.end]);
         let all = self.pin.iter().zip(ends).filter(|((_, pin), _)| *pin == wanted);
+        Spans::from(&all.map(|((from, _), to)| (*from, to)).collect::<Vec<_>>())
+    }
+
+    /// The times in which the power of starter and ignition was so.
+    pub fn power_is(&self, wanted: Option<bool>) -> Spans {
+        let ends = self.power.iter().skip(1).map(|(at, _)| *at).chain([self.end]);
+        let all = self.power.iter().zip(ends).filter(|((_, power), _)| *power == wanted);
         Spans::from(&all.map(|((from, _), to)| (*from, to)).collect::<Vec<_>>())
     }
 

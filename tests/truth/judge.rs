@@ -11,6 +11,7 @@ mod healthy;
 mod limits;
 mod mavlink;
 mod obeyed;
+mod power;
 mod prompt;
 mod receiver;
 mod second;
@@ -33,6 +34,7 @@ pub fn judge(history: &History) -> Verdict {
     case.bad_frames();
     case.stops();
     case.valve();
+    case.power();
     case.sticks();
     case.mavlink();
     case.starts();

@@ -2,6 +2,7 @@
 
 mod flight;
 mod mavlink;
+mod power;
 mod prompt;
 mod shape;
 mod silence;

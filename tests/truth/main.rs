@@ -156,7 +156,7 @@ fn play(first: u64, engine_seconds: u64, threads: u64, enough: u64) -> (Tally, O
 }
 
 /// What each rule has judged in some hours.
-const IN_HOURS: [&str; 26] = [
+const IN_HOURS: [&str; 28] = [
     "doubts",
     "error sets in a start",
     "frames that fall at slew.down",
@@ -177,6 +177,8 @@ const IN_HOURS: [&str; 26] = [
     "seconds in which a demand has to be obeyed",
     "shutdowns",
     "silences",
+    "starters with power",
+    "starters without power again",
     "starts",
     "starts that came near their time",
     "starts that have to be granted",

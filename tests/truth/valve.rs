@@ -1,4 +1,4 @@
-//! The fuel valve of an engine: the node's outputs as the firmware drives them, and the valve behind them.
+//! The outputs of an engine as the firmware drives them: its fuel valve, with the relay in front of it, and the power of its starter.
 
 use crate::history::{History, Pin, SECOND};
 use jetlink::engine::retained::RetainedState;
@@ -61,6 +61,10 @@ impl Valve {
             Some(Wanted::Closed) => Pin::Closed,
             Some(Wanted::Open) => Pin::Open,
         };
+        let power = self.outputs.as_ref().map(Outputs::power);
+        if history.power.last().is_none_or(|(_, before)| *before != power) {
+            history.power.push((at, power));
+        }
         let before = history.pin.last().map_or(Pin::Floats, |(_, pin)| *pin);
         if before == Pin::Open {
             self.energised = Some(at);

@@ -59,6 +59,8 @@ pub enum Rule {
     ShutValve,
     /// The valve cuts no engine that is ordered to run.
     CutOff,
+    /// Starter and ignition have power from armed until the ECU reports an engine that is cold and at rest, and not without a reason.
+    Power,
     /// Radio control commands what stick and switch say, and stop at the switch stops.
     Sticks,
     /// What MAVLink commands was received from a system that may command it, and what was received is obeyed.
@@ -66,7 +68,7 @@ pub enum Rule {
 }
 
 impl Rule {
-    pub const ALL: [Self; 28] = [
+    pub const ALL: [Self; 29] = [
         Self::Ignition,
         Self::RunAtRest,
         Self::SecondLife,
@@ -93,6 +95,7 @@ impl Rule {
         Self::Valve,
         Self::ShutValve,
         Self::CutOff,
+        Self::Power,
         Self::Sticks,
         Self::ByMavlink,
     ];

@@ -26,6 +26,7 @@ impl Case<'_> {
         self.stop_closes_it();
         self.no_fuel_through_it();
         self.cuts_nothing_healthy();
+        self.closes_in_standby_only();
         self.starts_find_it_open();
         self.failed_starts_close_it();
         let closes = self.h.pin.iter().filter(|(_, pin)| *pin == Pin::Closed).count();
@@ -123,6 +124,40 @@ impl Case<'_> {
         }
     }
 
+    /// Whatever the engine does: what closes the valve is an order of standby or stop, and an ECU that does not follow run is no reason.
+    fn closes_in_standby_only(&mut self) {
+        let h = self.h;
+        let closes = h.pin.windows(2).filter(|pair| pair[0].1 == Pin::Open && pair[1].1 == Pin::Closed);
+        for at in closes.map(|pair| pair[1].0).collect::<Vec<_>>() {
+            let begins = h.resets.iter().rfind(|reset| reset.up <= at).map_or(0, |reset| reset.up);
+            let switch = |frame: &crate::history::Frame| frame.sent.switch();
+            let before = h.frames_within(begins, at).iter().rev().find_map(switch);
+            let after = h.frames_within(at, at + SECOND).iter().find_map(switch);
+            // Standby and run again within one send slot: of the first nothing is on the wire.
+            let lately = h.commanded(at.saturating_sub(2 * h.rules.period + LATE), at);
+            let ends = |command| {
+                matches!(
+                    command,
+                    PilotCommand::Standby
+                        | PilotCommand::ShutDown
+                        | PilotCommand::Disarm
+                        | PilotCommand::Stop
+                        | PilotCommand::Ctf
+                )
+            };
+            let commanded = lately.iter().any(|commanded| {
+                let above = |other: &&crate::history::Commanded| {
+                    other.source < commanded.source && matches!(other.command, PilotCommand::Run(_))
+                };
+                let streamed = commanded.command == PilotCommand::Standby;
+                ends(commanded.command) && !(streamed && lately.iter().any(|other| above(&other)))
+            });
+            if before == Some(Switch::Run) && after == Some(Switch::Run) && !commanded {
+                self.verdict.finding(Rule::CutOff, at, "the valve closes, and run is ordered");
+            }
+        }
+    }
+
     /// Time of starts that failed, in a row, when the node begins at this time; each counts for this much besides.
     fn failed_before(&self, begins: u64, besides: u64) -> u64 {
         let (mut since, mut failed) = (0, 0);
@@ -155,7 +190,7 @@ impl Case<'_> {
 
     /// Whether the node received reports for long enough at once to know of the run that lasts until then: not in a loop of shorter
     /// resets, nor while the wire is cut.
-    fn could_know(&self, until: u64) -> bool {
+    pub(super) fn could_know(&self, until: u64) -> bool {
         let runs = self.h.times(|sample| sample.runs());
         let Some(began) = runs.iter().find(|(from, to)| *from < until && until <= *to).map(|(from, _)| from)
         else {

@@ -182,3 +182,25 @@ fn the_valve_cuts_no_engine_that_is_ordered_to_run() {
     standby(46.0).passes();
     standby(43.0).breaks(&[Rule::CutOff]);
 }
+
+/// The engine is out, and its ECU does not do what is ordered: that closes the valve in standby, and not while run is ordered.
+#[test]
+fn valve_of_an_engine_that_is_out_closes_in_standby_only() {
+    let out = |ordered: Sent, command: PilotCommand| {
+        let story = flight(ZK5, 40.0).streams(PILOT, 40.0, 50.0, command).wire(40.0, 50.0, ordered);
+        let story = story.turbine(40.0, 50.0, Phase::Cooling, 5000.0, 300.0);
+        let verdict = pin(story, &[(46.0, Pin::Closed)]).judged();
+        verdict.findings.iter().filter(|found| found.rule == Rule::CutOff).count()
+    };
+    assert_eq!(out(HALF, PilotCommand::Run(Demanded::Throttle(500))), 1);
+    assert_eq!(out(STANDBY, PilotCommand::Standby), 0);
+    // A lower source that streams standby is no reason; the one in control is.
+    let below = |source: usize| {
+        let story = flight(ZK5, 50.0).streams(source, 45.0, 50.0, PilotCommand::Standby);
+        let story = story.with(|h| h.samples.retain(|sample| sample.at < 40 * SECOND));
+        let story = story.turbine(40.0, 50.0, Phase::Cooling, 5000.0, 300.0);
+        let verdict = pin(story, &[(46.0, Pin::Closed)]).judged();
+        verdict.findings.iter().filter(|found| found.rule == Rule::CutOff).count()
+    };
+    assert_eq!([PILOT + 1, PILOT - 1].map(below), [1, 0]);
+}

@@ -1,0 +1,194 @@
+//! The power of starter and ignition: on from armed until the ECU has reported an engine that is cold and at rest, also after an emergency
+//! stop, and not without a reason.
+
+use super::case::{Case, Rule, seconds};
+use crate::history::{Cause, MS, PilotCommand, SECOND, Sent, Spans, Switch};
+use sim::turbine::Phase;
+
+/// From a reason until the output follows: the node looks at its engine at each event of the world, 50 ms apart or less.
+const LATE: u64 = 60 * MS;
+/// Time of reports of a cold engine until the power is turned off.
+const COLD_FOR: u64 = 3 * SECOND;
+/// At which an engine is cold, °C, with the resolution of an AMT report.
+const COLD: f64 = 100.0;
+const RESOLUTION: f64 = 8.0;
+/// From which a shaft turns, rpm, with that of a report.
+const TURNS: f64 = 1000.0;
+const TURNS_FOR_SURE: f64 = 1600.0;
+/// A stop, a limit, a silence: what ends a run takes at most so long until the ECU reports it at rest.
+const LATELY: u64 = 60 * SECOND;
+
+impl Case<'_> {
+    pub(super) fn power(&mut self) {
+        if self.h.power.is_empty() {
+            return;
+        }
+        self.power_is_on_while_armed_or_run();
+        self.power_survives_a_reset();
+        self.power_ends_with_a_cold_engine_only();
+        self.power_ends_with_a_cold_engine();
+        self.power_has_a_reason();
+    }
+
+    /// Nothing of an arming, or of two commands of run in a row, finds it off.
+    fn power_is_on_while_armed_or_run(&mut self) {
+        let h = self.h;
+        let off = h.power_is(Some(false));
+        let all_off = |from: u64, to: u64| off.within(from, to) == to - from;
+        for commanded in h.commanded.iter().filter(|c| c.command == PilotCommand::Arm) {
+            let (from, to) = (commanded.at, commanded.at + LATE);
+            let holds = self.command_log.surely_armed(from) && self.command_log.surely_armed(to);
+            if holds && !self.down.touches(from, to) && to < h.end && all_off(from, to) {
+                let text = format!("armed at {}, and starter and ignition have no power", seconds(from));
+                self.verdict.finding(Rule::Power, to, text);
+            }
+        }
+        let switches: Vec<_> = h.frames.iter().filter(|frame| frame.sent.switch().is_some()).collect();
+        let run = |i: usize| switches[i].sent.switch() == Some(Switch::Run);
+        let mut dark = false;
+        for i in 1..switches.len() {
+            let (from, to) = (switches[i - 1].at, switches[i].at);
+            // One frame may have been decided before its stop.
+            let together = run(i - 1) && run(i) && to - from <= 2 * h.rules.period + LATE;
+            let is_off = together && to - from >= LATE.min(h.rules.period / 2) && all_off(from, to);
+            if is_off && !dark && !self.down.touches(from.saturating_sub(LATE), to) {
+                let text =
+                    format!("run is on the wire since {}, and the starter has no power", seconds(from));
+                self.verdict.finding(Rule::Power, to, text);
+            }
+            dark = is_off;
+        }
+    }
+
+    /// The record of an armed engine, of a stop or of one that runs has it on before anything is received.
+    fn power_survives_a_reset(&mut self) {
+        let h = self.h;
+        let [on, off] = [true, false].map(|power| h.power_is(Some(power)));
+        for reset in h.resets.iter().filter(|reset| reset.cause != Cause::PowerOn) {
+            let known = reset.down.saturating_sub(self.two_states() + LATE);
+            let samples = h.samples(known, reset.down);
+            let runs = !samples.is_empty()
+                && samples.iter().all(|sample| sample.runs())
+                && self.could_know(reset.down);
+            let stopped = self.stopped.within(reset.down.saturating_sub(LATE), reset.up) >= LATE;
+            let armed = reset.cause == Cause::Watchdog && self.command_log.surely_armed(reset.down);
+            let had = on.within(reset.down.saturating_sub(LATE), reset.down) == LATE;
+            if had && (runs || stopped || armed) && off.contains(reset.up + 1) {
+                let text = format!("the node begins at {}, and the starter has no power", seconds(reset.up));
+                self.verdict.finding(Rule::Power, reset.up, text);
+            }
+        }
+    }
+
+    /// Nothing that a node did not receive for sure counts against it.
+    fn is_disturbed(&self, from: u64, to: u64) -> bool {
+        let h = self.h;
+        let spans = [&h.noise, &h.garbled, &h.ruined, &h.framing, &h.sensor, &h.pwm, &self.down];
+        spans.iter().any(|spans| spans.touches(from, to))
+            || h.forged.iter().any(|at| (from..to).contains(at))
+            || h.versions.iter().any(|(at, _)| (from..to).contains(at))
+            || h.samples(from, to).iter().any(|sample| sample.hidden)
+    }
+
+    /// It is turned off by the reports of a cold engine at rest, and of one that nobody has armed.
+    fn power_ends_with_a_cold_engine_only(&mut self) {
+        let h = self.h;
+        let ends = h.power.windows(2).filter(|pair| pair[0].1 == Some(true) && pair[1].1 == Some(false));
+        for at in ends.map(|pair| pair[1].0).collect::<Vec<_>>() {
+            self.verdict.count("starters without power again", 1);
+            if self.command_log.surely_armed(at) && self.command_log.surely_armed(at.saturating_sub(LATE)) {
+                self.verdict.finding(Rule::Power, at, "an armed engine's starter loses its power");
+            }
+            let from = at.saturating_sub(COLD_FOR);
+            if self.is_disturbed(from.saturating_sub(SECOND), at) {
+                continue;
+            }
+            // A report of what was before may still count.
+            let until = at.saturating_sub(self.one_state());
+            let busy = h.samples(from, until).iter().find(|sample| {
+                sample.phase.is_live() || sample.rpm >= TURNS_FOR_SURE || sample.egt > COLD + RESOLUTION
+            });
+            if let Some(busy) = busy {
+                let text = format!(
+                    "the starter of an engine loses its power that was {} with {:.0} rpm and {:.0} °C at {}",
+                    busy.phase.name(),
+                    busy.rpm,
+                    busy.egt,
+                    seconds(busy.at)
+                );
+                self.verdict.finding(Rule::Power, at, text);
+            }
+        }
+    }
+
+    /// Not armed, sent standby or stop, cold and at rest, and all of that reported: the power is off by then.
+    fn power_ends_with_a_cold_engine(&mut self) {
+        let h = self.h;
+        let cold = h.times(|sample| {
+            let at_rest = matches!(sample.phase, Phase::Standby | Phase::Stopped);
+            at_rest && sample.egt < COLD - RESOLUTION && sample.egt > -30.0 && sample.rpm < TURNS / 2.0
+        });
+        let on = h.power_is(Some(true));
+        let within = COLD_FOR + 2 * self.two_states() + SECOND;
+        for (from, to) in cold.iter() {
+            let mut at = from + within;
+            while at < to {
+                let since = at - within;
+                let frames = h.frames_within(since, at);
+                let ordered = |of: &crate::history::Frame| {
+                    matches!(of.sent.switch(), Some(Switch::Standby | Switch::Stop))
+                };
+                let quiet = frames.iter().all(|frame| ordered(frame) && frame.arrived)
+                    && frames.len() as u64 > within / h.rules.period / 2;
+                let known = ![&self.blind, &self.faults, &self.hidden, &h.deaf]
+                    .iter()
+                    .any(|spans| spans.touches(since, at));
+                let armed = self.command_log.armed_within(since, at);
+                if quiet && known && !armed && !self.is_disturbed(since, at) && on.within(since, at) == within
+                {
+                    let text =
+                        format!("cold and at rest since {}, and the starter has power", seconds(since));
+                    self.verdict.finding(Rule::Power, at, text);
+                    break;
+                }
+                at += SECOND;
+            }
+        }
+    }
+
+    /// It is turned on by an arming, an order of run, a life that the ECU reports, or a record of one of them.
+    fn power_has_a_reason(&mut self) {
+        let h = self.h;
+        let mut before = Some(false);
+        let live = h.times(|sample| sample.phase.is_live() || sample.phase == Phase::Cooling);
+        let run = |from: u64, to: u64| {
+            let doubt = |sent: Sent| matches!(sent, Sent::Nothing | Sent::Rpm(_));
+            let frames = h.frames_within(from, to);
+            frames.iter().any(|frame| frame.sent.switch() == Some(Switch::Run) || doubt(frame.sent))
+        };
+        for (at, power) in h.power.clone() {
+            let Some(on) = power else { continue };
+            let was = before.replace(on);
+            let reset = h.resets.iter().rfind(|reset| reset.up <= at && at < reset.up + MS);
+            let lost = reset.is_some_and(|reset| reset.cause == Cause::PowerOn);
+            if !on || was == Some(true) && !lost {
+                continue;
+            }
+            self.verdict.count("starters with power", 1);
+            let since = at.saturating_sub(self.two_states() + LATE);
+            let armed = self.command_log.armed_within(since, at);
+            let stopped = reset.is_some() && self.stopped.touches(at.saturating_sub(LATELY), at);
+            let next = at + LATE + 2 * h.rules.period;
+            let recent = Spans::from(&[(at.saturating_sub(LATELY), at + 1)]).common(&live) > 0;
+            let reason = armed || stopped || recent || run(since, next) || h.pwm.touches(since, next);
+            if lost || !reason && !self.is_disturbed(since, at) {
+                let text = if lost {
+                    "after a loss of power the starter has power before anything is received"
+                } else {
+                    "the starter gets power, and nobody has armed its engine"
+                };
+                self.verdict.finding(Rule::Power, at, text);
+            }
+        }
+    }
+}
