@@ -7,7 +7,8 @@
 //! - The pins of every port in use are given to their UART, those of an F-RAM to their SPI. The emulated ones do not look at
 //!   them.
 //! - Each fuel valve is closed 10 ms after a stop, also over resets, opens only with a run that goes out, and cuts no engine that is
-//!   ordered to run. An image without outputs drives none of their pins.
+//!   ordered to run. Starter and ignition have power from armed until the engine is cold and at rest, also after a stop and over a reset. An
+//!   image without outputs drives none of their pins.
 
 use crate::board::{Board, Pin};
 use crate::report::Report;

@@ -1,7 +1,9 @@
-//! The fuel valve of each engine against what goes out on its wire, at every run. An image without outputs drives none of their pins.
-//! Where the valves are is written down again here and not read from the firmware, so that a difference is found.
+//! The fuel valve of each engine, and the power of its starter and ignition, against what goes out on its wire and what its turbine does, at
+//! every run. An image without outputs drives none of their pins. Where the outputs are is written down again here
+//! and not read from the firmware, so that a difference is found.
 
 use crate::engines::{self, Protocol};
+use crate::image::Image;
 use crate::pins::{Level, Pin};
 use crate::report::Report;
 use crate::wire::Wire;
@@ -18,6 +20,13 @@ const ON_ITS_WAY: Nanos = 50 * MILLIS;
 const DRIVEN_WITHIN: Nanos = 20 * MILLIS;
 /// An ECU is received that long after the valve opened for it, at the latest.
 const RUN_WITHIN: Nanos = SECOND;
+
+/// From a reset until a stop that is commanded again can be on a wire: a receiver has to hold it for 0.3 s.
+const COMMANDED: Nanos = 300 * MILLIS;
+/// Time of reports of an engine that is cold and at rest until its starter loses its power.
+const COLD_FOR: Nanos = 2_900 * MILLIS;
+/// The same until it has lost it for sure, where the ECU reports.
+const OFF_WITHIN: Nanos = 6 * SECOND;
 
 /// A switch that went out on a wire.
 #[derive(Clone, Copy, Debug)]
@@ -37,15 +46,44 @@ pub(crate) fn complaints(report: &Report, errors: bool) -> Vec<String> {
             .collect();
     }
     let engines = engines::of(report.board, report.image);
-    let last = engines.len() - 1;
-    let each = engines.into_iter().zip(pins()).enumerate().flat_map(|(number, (engine, pin))| {
+    let outputs = report.image.outputs(report.board);
+    let (last, count) = (engines.len() - 1, engines.len());
+    let resets: Vec<_> = report.resets.iter().map(|reset| reset.0).collect();
+    let commands = first_command(report);
+    let mut complaints = Vec::new();
+    for (number, engine) in engines.into_iter().enumerate() {
         let energised = if number == last { Level::Low } else { Level::High };
-        let sent = report.wires.get(engine.port).map_or(Vec::new(), |wire| switches(wire, engine.protocol));
-        let resets: Vec<_> = report.resets.iter().map(|reset| reset.0).collect();
-        let wrong = wrong(&pin, energised, &sent, &resets, report.at, errors);
-        wrong.into_iter().map(move |text| format!("the valve of {}: {text}", engine.name))
-    });
-    each.collect()
+        let wire = report.wires.get(engine.port);
+        let sent = wire.map_or(Vec::new(), |wire| switches(wire, engine.protocol));
+        if let Some(&valve) = outputs.get(number) {
+            let wrong = wrong(&Pin::output(report, valve), energised, &sent, &resets, report.at, errors);
+            complaints.extend(wrong.into_iter().map(|text| format!("the valve of {}: {text}", engine.name)));
+        }
+        if let Some(&power) = outputs.get(count + number) {
+            let cold = wire.map_or(Vec::new(), |wire| wire.cold.clone());
+            let received = wire.map_or(Vec::new(), reports);
+            let known = Known { sent, cold, received, commands, resets: resets.clone(), end: report.at };
+            let wrong = wrong_power(&Pin::output(report, power), energised, &known);
+            complaints.extend(wrong.into_iter().map(|text| format!("the power of {}: {text}", engine.name)));
+        }
+    }
+    complaints
+}
+
+/// When each burst of an ECU ended that the board received.
+fn reports(wire: &Wire) -> Vec<Nanos> {
+    let received = wire.rx.iter().filter(|rx| rx.last && rx.fate == crate::wire::Fate::Received);
+    received.map(|rx| rx.end).collect()
+}
+
+/// When something was received first by which somebody can arm an engine.
+fn first_command(report: &Report) -> Option<Nanos> {
+    if report.image == Image::RadioPwm {
+        return Some(0);
+    }
+    let ports = [report.board.radio, report.board.telemetry.name];
+    let wires = report.wires().filter(|(port, _)| ports.contains(port));
+    wires.filter_map(|(_, wire)| wire.rx.first().map(|rx| rx.end)).min()
 }
 
 /// The switches that the board sent.
@@ -115,6 +153,111 @@ fn wrong(
         let next = sent.iter().find(|sent| sent.start > at + ON_ITS_WAY);
         if [last, next].iter().all(|sent| sent.is_some_and(|sent| sent.switch == Switch::Run)) {
             wrong.push(format!("closes at {at} ns, and run is sent before and after"));
+        }
+    }
+    wrong
+}
+
+/// What is known of an engine whose starter and ignition have power, or have not.
+#[derive(Clone, Debug)]
+struct Known {
+    sent: Vec<Sent>,
+    /// Since when it has been cold and at rest, or has not.
+    cold: Vec<(Nanos, bool)>,
+    /// When its ECU was received.
+    received: Vec<Nanos>,
+    /// When something was received first by which somebody can arm it.
+    commands: Option<Nanos>,
+    resets: Vec<Nanos>,
+    end: Nanos,
+}
+
+impl Known {
+    /// Whether it is cold and at rest all the time.
+    fn is_cold(&self, from: Nanos, to: Nanos) -> bool {
+        let first = self.cold.iter().rfind(|(at, _)| *at <= from).is_some_and(|(_, cold)| *cold);
+        first && self.cold.iter().all(|(at, cold)| *cold || !(from..to).contains(at))
+    }
+
+    /// Whether it is not for a moment at least.
+    fn is_busy(&self, from: Nanos, to: Nanos) -> bool {
+        self.cold.iter().rfind(|(at, _)| *at <= to).is_some_and(|(since, cold)| !*cold || *since > from)
+    }
+
+    /// Whether its ECU is received all the time.
+    fn is_received(&self, from: Nanos, to: Nanos) -> bool {
+        let within = self.received.iter().copied().filter(|at| (from..to).contains(at));
+        let mut last = from;
+        within.chain([to]).all(|at| at - core::mem::replace(&mut last, at) < SECOND)
+    }
+
+    /// Whether a stop was sent last before a reset, and is sent after it before anybody can have commanded one.
+    fn keeps_stop(&self, reset: Nanos) -> bool {
+        let before = self.sent.iter().rev().find(|sent| sent.end < reset);
+        let after =
+            self.sent.iter().find(|sent| sent.start >= reset).filter(|it| it.start < reset + COMMANDED);
+        [before, after].into_iter().all(|sent| sent.is_some_and(|sent| sent.switch == Switch::Stop))
+    }
+
+    fn reset_at(&self, at: Nanos) -> Option<Nanos> {
+        self.resets.iter().rev().find(|reset| (**reset..**reset + DRIVEN_WITHIN).contains(&at)).copied()
+    }
+}
+
+fn wrong_power(pin: &Pin, energised: Level, known: &Known) -> Vec<String> {
+    let mut wrong = Vec::new();
+    let Known { sent, resets, end, .. } = known;
+    let is_off = |at| ![energised, Level::Floats].contains(&pin.at(at));
+    // Run finds it on.
+    let unpowered = |sent: &&Sent| {
+        let at = sent.end + CLOSED_WITHIN;
+        sent.switch == Switch::Run && at < *end && known.reset_at(at).is_none() && is_off(at)
+    };
+    if let Some(sent) = sent.iter().find(unpowered) {
+        wrong.push(format!("off, and run ends at {} ns", sent.end));
+    }
+    let changes = pin.changes(0..*end);
+    for (i, &(at, level)) in changes.iter().enumerate() {
+        let before = i.checked_sub(1).map_or(Level::Floats, |i| changes[i].1);
+        if level == Level::Floats {
+            continue;
+        }
+        if level != energised && before == energised {
+            // By the reports of a cold engine: from three seconds ago on, up to the last that may be under way.
+            let (from, to) = (at.saturating_sub(COLD_FOR), at.saturating_sub(SECOND));
+            if !known.is_cold(from, to) {
+                wrong.push(format!("off at {at} ns, and its engine was not cold and at rest for 3 s"));
+            }
+        }
+        let reset = known.reset_at(at);
+        let stopped = reset.is_some_and(|reset| known.keeps_stop(reset));
+        if level != energised && stopped {
+            wrong.push(format!("off at {at} ns after a reset, and a stop is latched"));
+        }
+        if level == energised && before != energised {
+            let restored = reset.is_some_and(|reset| pin.at(reset - 1) == energised) || stopped;
+            let runs = sent.iter().any(|sent| {
+                sent.switch == Switch::Run && sent.end + RUN_WITHIN > at && sent.start < at + RUN_WITHIN
+            });
+            let armed = known.commands.is_some_and(|first| first < at);
+            let busy = known.is_busy(at.saturating_sub(RUN_WITHIN), at);
+            if !restored && !runs && !armed && !busy && at + RUN_WITHIN < *end {
+                wrong.push(format!("on at {at} ns, and nobody can have armed its engine"));
+            }
+        }
+    }
+    // A stop disarms: what is cold then has no power.
+    let mut since = None;
+    for sent in sent {
+        let stop = sent.switch == Switch::Stop;
+        since = if stop { since.or(Some(sent.start)) } else { None };
+        let at = sent.start;
+        let begun = since.unwrap_or(at).max(resets.iter().rfind(|reset| **reset <= at).copied().unwrap_or(0));
+        let from = at.saturating_sub(OFF_WITHIN);
+        let known_cold = known.is_cold(from, at) && known.is_received(from, at);
+        if stop && begun < from && known_cold && pin.at(at) == energised {
+            wrong.push(format!("on at {at} ns, and its engine is stopped, cold and at rest since {from} ns"));
+            break;
         }
     }
     wrong
@@ -192,5 +335,50 @@ mod tests {
         let cut = [(1_999, OPEN), (6_000, SHUT)];
         assert!(found(&cut, &[], false).contains("run is sent before and after"));
         assert_eq!(found(&cut, &[], true), "");
+    }
+
+    /// What is found of a starter with these levels, in ms: its engine is armed, flies from 2 s on and is stopped at 10 s; it is cold until
+    /// 3 s, and from the given second on.
+    fn power(levels: &[(u64, Level)], cold: u64, resets: &[u64]) -> String {
+        let known = Known {
+            sent: sent(&[(1, Switch::Standby), (2, Switch::Run), (10, Switch::Stop)]),
+            cold: vec![(0, true), (3 * SECOND, false), (cold * SECOND, true)],
+            received: (0..200).map(|n| n * SECOND / 10).collect(),
+            commands: Some(SECOND),
+            resets: resets.iter().map(|at| at * MILLIS).collect(),
+            end: END,
+        };
+        let levels = levels.iter().map(|&(at, level)| (at * MILLIS, level));
+        let pin = Pin::from_levels([(0, Level::Floats), (1, SHUT)].into_iter().chain(levels).collect());
+        wrong_power(&pin, OPEN, &known).join("\n")
+    }
+
+    const ARMED: (u64, Level) = (1_500, OPEN);
+
+    #[test]
+    fn power_from_armed_until_the_engine_is_cold_is_right_also_after_a_stop_and_over_a_reset() {
+        assert_eq!(power(&[ARMED, (15_100, SHUT)], 12, &[]), "");
+        assert_eq!(power(&[ARMED], 16, &[]), "");
+        let reset = [ARMED, (11_000, Level::Floats), (11_003, OPEN), (15_100, SHUT)];
+        assert_eq!(power(&reset, 12, &[11_000]), "");
+        // A stop has it on after a reset, whatever was before.
+        let latched = [ARMED, (15_100, SHUT), (17_000, Level::Floats), (17_003, OPEN)];
+        assert_eq!(power(&latched, 12, &[17_000]), "");
+    }
+
+    #[test]
+    fn power_that_ends_before_its_engine_is_cold_is_found() {
+        assert!(power(&[ARMED, (9_000, SHUT)], 12, &[]).contains("not cold and at rest for 3 s"));
+        assert!(power(&[ARMED, (10_005, SHUT)], 12, &[]).contains("not cold and at rest for 3 s"));
+        assert!(power(&[ARMED, (13_000, SHUT)], 12, &[]).contains("not cold and at rest for 3 s"));
+        let reset = [ARMED, (11_000, Level::Floats), (11_003, SHUT)];
+        assert!(power(&reset, 12, &[11_000]).contains("a stop is latched"));
+    }
+
+    #[test]
+    fn power_that_does_not_end_or_is_missing_in_a_start_is_found() {
+        assert!(power(&[ARMED], 12, &[]).contains("stopped, cold and at rest since"));
+        assert!(power(&[(2_500, OPEN), (15_100, SHUT)], 12, &[]).contains("run ends at"));
+        assert!(power(&[(500, OPEN), (15_100, SHUT)], 12, &[]).contains("nobody can have armed"));
     }
 }

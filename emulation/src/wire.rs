@@ -11,9 +11,11 @@ use std::fmt::Debug;
 use rigless::chip::{Timeline, uart};
 use rigless::snapshot::Store;
 use rigless::time::VirtualNanos;
+use sim::amt::AmtEcu;
 use sim::any::AnyEcu;
 use sim::ecu::{Ecu, LineFault, Nanos};
 use sim::line::{Line, StopBits};
+use sim::zk::ZkEcu;
 
 /// What can be connected to a wire: any ECU of `sim`.
 pub trait Far: Ecu + Any + Debug + Send {}
@@ -79,6 +81,8 @@ pub struct Wire {
     /// Bytes per million that are damaged on their way to the ECU, and the state of the random draw.
     garble: (u32, u64),
     recording: bool,
+    /// Since when its engine has been cold and at rest, or has not; empty where nothing has an engine here.
+    pub(crate) cold: Vec<(Nanos, bool)>,
     /// From the ECU, in the order of time.
     pub rx: Vec<Rx>,
     /// From the board, in the order of time.
@@ -100,6 +104,7 @@ impl Wire {
             babble: None,
             garble: (0, 0),
             recording: true,
+            cold: Vec::new(),
             rx: Vec::new(),
             tx: Vec::new(),
         };
@@ -204,6 +209,7 @@ impl Wire {
         if self.ecu.next_wake() <= now + self.head_start {
             self.ecu.advance(now + self.head_start, &mut bytes);
         }
+        self.look(now);
         let more = now >= self.babble_on_at();
         match &mut self.babble {
             None => self.push(now, &bytes),
@@ -214,6 +220,18 @@ impl Wire {
                 self.push(now, &endless);
             }
             Some(_) => {}
+        }
+    }
+
+    /// Looks whether the engine is cold and at rest, with the resolution of a report.
+    fn look(&mut self, now: Nanos) {
+        let ecu: &dyn Any = &*self.ecu;
+        let ecu = ecu.downcast_ref().map_or(ecu, AnyEcu::inner);
+        let amt = ecu.downcast_ref().map(AmtEcu::turbine);
+        let Some(turbine) = amt.or_else(|| ecu.downcast_ref().map(ZkEcu::turbine)) else { return };
+        let cold = !turbine.phase().is_live() && turbine.egt() < 108.0 && turbine.rpm() < 1600.0;
+        if self.recording && self.cold.last().is_none_or(|(_, before)| *before != cold) {
+            self.cold.push((now, cold));
         }
     }
 
