@@ -63,7 +63,7 @@ fn play(python: &Path, script: &str, variables: &[(&str, &str)]) -> Output {
         variables.iter().find(|(name, _)| *name == "SPEED").map_or(SPEED, |(_, speed)| speed).into(),
     ];
     if let Some(port) = sbus {
-        arguments.extend(["--rc".into(), format!("sbus=tcpout:127.0.0.1:{port}")]);
+        arguments.extend(["--rc".into(), format!("sbus=tcpout:127.0.0.1:{port},hand=7")]);
     }
     let _rig = rig(&arguments);
     writeln!(pilot.stdin.take().expect("piped"), "{ground}").expect("it reads");

@@ -117,6 +117,50 @@ fn script_with_a_transmitter_starts_throttles_loses_and_stops() {
     }
 }
 
+/// Handed over to nobody: radio control is present and commands nothing, so the stages of loss begin; it takes the engine back without a
+/// jump, and stops it while it is handed over. Without a channel for it nothing happens.
+#[test]
+fn engine_that_is_handed_over_goes_to_idle_comes_back_without_a_jump_and_can_be_stopped() {
+    const HANDED: &str = "\
+2.0 all standby
+6.0 all start
+80.0 all throttle 60
+90.0 all hand-over
+100.0 all take-back
+115.0 all hand-over
+120.0 all emergency-stop
+125.0 end
+";
+    for kind in ["sbus,hand=7", "crsf,hand=16", "pwm,hand=3", "sbus"] {
+        let head = "jetlink rig script, version 0.1.0\nseed 1\nengine name=left\nengine name=right,ecu=zk,baud=115200\n";
+        let script = file(&format!("rc-hand-{kind}.txt"), &format!("{head}rc {kind}\n{HANDED}"));
+        let rows = script.with_extension("csv");
+        let output = rig(&["--script", script.to_str().unwrap(), "--fast", "--csv", rows.to_str().unwrap()]);
+        let (out, rows) = (text(&output.stdout), std::fs::read_to_string(rows).expect("written"));
+        assert!(output.status.success(), "{kind}: {out}{}", text(&output.stderr));
+        let has_channel = kind.contains("hand");
+        for engine in ["left", "right"] {
+            let of = |seconds: f64| at(&rows, engine, seconds);
+            assert_eq!(of(89.0)[4], "60.0", "{kind}, {engine}");
+            let expected = if has_channel { ("fail-safe", "0.0") } else { ("none", "60.0") };
+            assert_eq!((of(99.0)[2].as_str(), of(99.0)[4].as_str()), expected, "{kind}, {engine}");
+            assert_eq!(of(99.0)[0], "running", "{kind}, {engine}");
+            assert_eq!((of(112.0)[1].as_str(), of(112.0)[4].as_str()), ("rc", "60.0"), "{kind}, {engine}");
+            assert_eq!(of(122.0)[3], "stop", "{kind}, {engine}");
+            // No step of more than 5.5 % in 0.1 s: the rate is 50 % a second.
+            let wires = changes(&rows, engine, "wire_throttle_pct");
+            let back: Vec<(f64, f64)> = wires
+                .iter()
+                .filter(|(at, _)| (99.0..112.0).contains(at))
+                .filter_map(|(at, value)| Some((*at, value.parse().ok()?)))
+                .collect();
+            let steps = back.windows(2).all(|pair| pair[1].1 - pair[0].1 <= 6.5);
+            assert!(steps && (!has_channel || back.len() > 5), "{kind}, {engine}: {back:?}");
+        }
+        assert_eq!(out.contains("there is no hand-over switch"), !has_channel, "{kind}: {out}");
+    }
+}
+
 /// What the CSV has in a column of an engine, from its first row on: each value once, with the time of its first row.
 fn changes(rows: &str, engine: &str, column: &str) -> Vec<(f64, String)> {
     let mut csv = csv::Reader::from_reader(rows.as_bytes());

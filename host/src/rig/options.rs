@@ -87,6 +87,7 @@ Radio control:
                                          adapter has to undo the inversion of SBUS
   --rc sbus,throttle=1,switch=6          other channels than 3 for the throttle and 5 for the switch, also behind an
                                          address; pwm has 1 and 2, of four
+  --rc sbus,hand=7                       a channel that hands the engines over to the lower source; h moves it
   One receiver for all engines. The pilots do not fly then, and --mavlink beside it is the lower source. docs/rc.md has
   what stick and switch do. --valves gives each engine a fuel valve.
 

@@ -11,7 +11,7 @@ SERIAL2 = 5763 + 10 * INSTANCE
 STOP, MIDDLE, RUN = 1000, 1500, 2000
 STOP_LATCHED = 1 << 10
 
-# Throttle on output 3, with ArduPilot's end points. Output 5 passes channel 5 of the transmitter on: the switch.
+# Throttle on output 3, with ArduPilot's end points. Outputs 5 and 7 pass the transmitter's channels on: switch and hand-over switch.
 arduplane.SETTINGS = """\
 EFI_TYPE 9
 SERIAL1_PROTOCOL 2
@@ -19,6 +19,7 @@ SERIAL2_PROTOCOL 15
 ARMING_CHECK 0
 SERVO3_FUNCTION 73
 SERVO5_FUNCTION 55
+SERVO7_FUNCTION 57
 RC3_MIN 1000
 RC3_MAX 2000
 RC3_TRIM 1000
@@ -26,13 +27,13 @@ RC3_TRIM 1000
 
 
 class Pilot(Vehicle):
-    """The autopilot with a switch on channel 5 beside the stick."""
+    """The autopilot with a switch on channel 5 and a hand-over switch on channel 7 beside the stick."""
 
     OPTIONS = ("--serial2", f"tcp:{SERIAL2}:nowait")
-    switch = STOP
+    switch, hand = STOP, 1000
 
     def sticks(self):
-        return [1500, 1500, self.throttle, 1500, self.switch, 0, 0, 0]
+        return [1500, 1500, self.throttle, 1500, self.switch, 0, self.hand, 0]
 
 
 class Wire:
@@ -200,9 +201,38 @@ def hand_over(vehicle, watch, wire):
     vehicle.throttle = 1300
     wait(5)
     assert commanded_by(vehicle, watch, LEFT) == "mavlink" and ordered(watch, LEFT) < 40
-    vehicle.switch = STOP
     wire.plugged = True
-    until("stopped", 5, lambda: latched(watch, LEFT))
+    until("radio control", 15, lambda: commanded_by(vehicle, watch, LEFT) == "rc")
+    wait(8)
+
+
+def hand_over_by_channel(vehicle, watch):
+    """With both received all the time: the channel gives the engine to MAVLink and takes it back, and the switch keeps the stop."""
+    mark, before = len(watch.received), ordered(watch, LEFT)
+    vehicle.hand = 2000
+    until("MAVLink", 15, lambda: commanded_by(vehicle, watch, LEFT) == "mavlink")
+    wait(8)
+    there = jumps(watch, mark, LEFT)
+    assert there <= 1 and watch.state(LEFT) == RUNNING
+    # The switch is at run, and its moves to standby and back are nothing.
+    vehicle.switch = MIDDLE
+    wait(3)
+    vehicle.switch = RUN
+    vehicle.throttle = 1500
+    wait(5)
+    assert commanded_by(vehicle, watch, LEFT) == "mavlink" and ordered(watch, LEFT) > before + 10
+
+    mark = len(watch.received)
+    vehicle.hand = 1000
+    until("radio control", 15, lambda: commanded_by(vehicle, watch, LEFT) == "rc")
+    wait(8)
+    back = jumps(watch, mark, LEFT)
+    assert back <= 1 and watch.state(LEFT) == RUNNING
+    print(f"by the hand-over channel: greatest change {there:.1f} and {back:.1f} % in 0.1 s")
+    vehicle.hand = 2000
+    until("MAVLink", 15, lambda: commanded_by(vehicle, watch, LEFT) == "mavlink")
+    vehicle.switch = STOP
+    until("stopped while it is handed over", 5, lambda: latched(watch, LEFT))
 
 
 def main():
@@ -216,6 +246,7 @@ def main():
         start_throttle_and_stop(vehicle, watch)
         death_and_return(vehicle, watch)
         hand_over(vehicle, watch, wire)
+        hand_over_by_channel(vehicle, watch)
         print(f"flown by the SBUS output of a real ArduPlane, {wire.frames} frames")
     finally:
         vehicle.end()

@@ -23,6 +23,8 @@ pub enum Act {
     Release,
     /// Standby, then the engine's own script from its start.
     Script,
+    /// The hand-over switch of a transmitter gives its engines to the lower source (true), or takes them back.
+    HandOver(bool),
     /// A fault begins (true) or ends.
     Fault(Fault, bool),
 }
@@ -96,7 +98,7 @@ impl Fault {
 }
 
 /// The acts that are a word alone.
-const WORDS: [(&str, Act); 8] = [
+const WORDS: [(&str, Act); 10] = [
     ("arm", Act::Arm),
     ("disarm", Act::Disarm),
     ("start", Act::Start),
@@ -104,6 +106,8 @@ const WORDS: [(&str, Act); 8] = [
     ("emergency-stop", Act::EmergencyStop),
     ("release", Act::Release),
     ("script", Act::Script),
+    ("hand-over", Act::HandOver(true)),
+    ("take-back", Act::HandOver(false)),
     ("flame-out", Act::Fault(Fault::FlameOut, true)),
 ];
 
@@ -158,9 +162,9 @@ impl Act {
         if words.next().is_some() { Err(unknown()) } else { Ok(act) }
     }
 
-    /// Whether it takes the engine from its script. A fault does not.
+    /// Whether it takes the engine from its script. A fault does not, nor does a transmitter, which leaves no script.
     pub const fn takes_engine(self) -> bool {
-        !matches!(self, Self::Fault(..) | Self::Script)
+        !matches!(self, Self::Fault(..) | Self::Script | Self::HandOver(_))
     }
 }
 
@@ -207,6 +211,8 @@ pub enum Wish {
     Act(Act),
     /// So much more or less of what is commanded, in tenths of a percent of the way from idle to maximum.
     Step(i16),
+    /// The hand-over switch of the transmitter, to its other position.
+    HandOver,
     /// This fault begins if it is not there, and ends if it is.
     Toggle(Fault),
 }

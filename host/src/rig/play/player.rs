@@ -29,6 +29,9 @@ const STOP_BY_SWITCH: Nanos = 45 * MILLIS;
 /// The whole way from idle to maximum, in tenths of a percent.
 const WHOLE: u32 = 1000;
 
+/// Without a hand-over channel.
+const NO_HAND_OVER: &str = "there is no hand-over switch: --rc sbus,hand=7";
+
 /// What is known of one engine beyond its context.
 #[derive(Debug, Default)]
 struct Hand {
@@ -100,6 +103,11 @@ impl<'a> Player<'a> {
             self.act(None, Act::Throttle(stick.clamp(0, WHOLE as i32) as u16));
             return;
         }
+        if wish == Wish::HandOver {
+            let over = self.transmitter.is_some_and(|transmitter| !transmitter.hands_over.get());
+            self.act(None, Act::HandOver(over));
+            return;
+        }
         match (engine, wish) {
             (_, Wish::Toggle(Fault::Reset)) => self.act(None, Act::Fault(Fault::Reset, true)),
             (_, Wish::Act(act)) => self.act(engine, act),
@@ -158,6 +166,11 @@ impl<'a> Player<'a> {
                 transmitter.stick.set(tenths);
                 format!("the stick to {}.{} %", tenths / 10, tenths % 10)
             }
+            Act::HandOver(_) if !transmitter.has_hand_over() => NO_HAND_OVER.to_owned(),
+            Act::HandOver(over) => {
+                transmitter.hands_over.set(over);
+                (if over { "handed over to the lower source" } else { "taken back" }).to_owned()
+            }
             Act::Rpm(_) | Act::Script => format!("the transmitter has no `{}`", act.text()),
             Act::Fault(Fault::Silence, begins) => {
                 transmitter.turn(!begins);
@@ -181,6 +194,7 @@ impl<'a> Player<'a> {
         let context = self.contexts.get(engine)?;
         match wish {
             Wish::Act(act) => Some(act),
+            Wish::HandOver => None,
             Wish::Toggle(fault) => {
                 let lasts = self.faults(engine).contains(&fault);
                 if let Some(why) = self.cannot(engine, fault, fault.is_once() || !lasts) {
@@ -277,6 +291,7 @@ impl<'a> Player<'a> {
                 context.played.set(false);
                 hand.restart.set(true);
             }
+            Act::HandOver(_) => context.note(NO_HAND_OVER),
             Act::Fault(fault, begins) => self.fault(engine, fault, begins),
         }
         if context.played.get() {

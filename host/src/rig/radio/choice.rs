@@ -52,9 +52,9 @@ impl core::fmt::Display for RadioError {
             Self::NoPulses => f.write_str("pwm has no address: its pulses are simulated"),
             Self::Channel(text) => write!(
                 f,
-                "`{text}` is not a channel: use throttle=1 or switch=2, with 1 to 16, or 1 to 4 of pwm"
+                "`{text}` is not a channel: use throttle=1, switch=2 or hand=3, with 1 to 16, or 1 to 4 of pwm"
             ),
-            Self::SameChannel => f.write_str("throttle and switch need a channel each"),
+            Self::SameChannel => f.write_str("throttle, switch and hand-over need a channel each"),
             Self::Open(error) => error.fmt(f),
             Self::NotWith(option) => write!(f, "frames from outside and {option} exclude each other"),
             Self::NoEnd => f.write_str("a script file with a line `rc` needs `end` with its time"),
@@ -65,7 +65,8 @@ impl core::fmt::Display for RadioError {
 impl core::error::Error for RadioError {}
 
 impl Choice {
-    /// Reads `sbus`, `crsf`, `pwm`, `sbus=ADDRESS` or `crsf=ADDRESS`, each with `,throttle=CHANNEL` and `,switch=CHANNEL` behind it.
+    /// Reads `sbus`, `crsf`, `pwm`, `sbus=ADDRESS` or `crsf=ADDRESS`, each with `,throttle=CHANNEL`, `,switch=CHANNEL` and
+    /// `,hand=CHANNEL` behind it.
     pub fn parse(text: &str) -> Result<Self, RadioError> {
         let receiver = text.split(',').next().unwrap_or_default();
         let (protocol, address) =
@@ -85,6 +86,7 @@ impl Choice {
             match function {
                 "throttle" => settings.throttle = number,
                 "switch" => settings.switch = number,
+                "hand" => settings.hand_over = number,
                 _ => return Err(wrong()),
             }
         }
@@ -116,6 +118,8 @@ mod tests {
                 Protocol::Crsf,
                 EngineSettings { throttle: 8, switch: 16, ..usual },
             ),
+            ("sbus,hand=7", Protocol::Sbus, EngineSettings { hand_over: 7, ..usual }),
+            ("pwm,hand=4", Protocol::Pwm, EngineSettings { hand_over: 4, ..EngineSettings::PULSES }),
             ("pwm,throttle=4,switch=3", Protocol::Pwm, EngineSettings { throttle: 4, switch: 3, ..usual }),
         ] {
             assert_eq!(Choice::parse(text).unwrap(), Choice { protocol, address: None, settings }, "{text}");
@@ -136,12 +140,16 @@ mod tests {
             "sbus,throttle=0",
             "sbus,switch=17",
             "pwm,switch=5",
-            "sbus,hand=3",
+            "sbus,hand=0",
+            "pwm,hand=5",
+            "sbus,hands=7",
             "sbus,switch=x",
         ] {
             assert!(matches!(Choice::parse(text), Err(RadioError::Channel(_))), "{text}");
         }
-        for text in ["sbus,throttle=5", "pwm,throttle=2", "crsf,throttle=7,switch=7"] {
+        for text in
+            ["sbus,throttle=5", "pwm,throttle=2", "crsf,throttle=7,switch=7", "sbus,hand=3", "pwm,hand=2"]
+        {
             assert!(matches!(Choice::parse(text), Err(RadioError::SameChannel)), "{text}");
         }
         assert!(matches!(Choice::parse("pwm=tcpin:127.0.0.1:1"), Err(RadioError::NoPulses)));

@@ -1,4 +1,4 @@
-//! A simulated transmitter with one stick and one switch, and the receiver on it.
+//! A simulated transmitter with one stick, one switch and, if it has a channel, a hand-over switch; and the receiver on it.
 
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{ErrorType, Read};
@@ -19,17 +19,20 @@ pub struct Transmitter {
     pub stick: Cell<u16>,
     /// The switch.
     pub switch: Cell<Position>,
+    /// The hand-over switch gives the engines to the lower source.
+    pub hands_over: Cell<bool>,
     /// Since when it is on.
     on_since: Cell<Option<Instant>>,
-    /// Channels of stick and switch.
-    channels: [u8; 2],
+    /// Channels of stick, switch and hand-over switch; 0: there is none.
+    channels: [u8; 3],
 }
 
 impl Transmitter {
     /// The stick at idle, the switch at stop, on the channels of these settings.
     pub const fn new(settings: &EngineSettings) -> Self {
         Self {
-            channels: [settings.throttle, settings.switch],
+            channels: [settings.throttle, settings.switch, settings.hand_over],
+            hands_over: Cell::new(false),
             stick: Cell::new(0),
             switch: Cell::new(Position::Stop),
             on_since: Cell::new(Some(Instant::MIN)),
@@ -39,6 +42,12 @@ impl Transmitter {
     /// Turns it on or off.
     pub fn turn(&self, on: bool) {
         self.on_since.set(on.then(|| self.on_since.get().unwrap_or_else(Instant::now)));
+    }
+
+    /// Whether it has a hand-over switch.
+    pub const fn has_hand_over(&self) -> bool {
+        let [.., hand_over] = self.channels;
+        hand_over != 0
     }
 
     /// Whether it is on.
@@ -58,15 +67,31 @@ impl Transmitter {
             Protocol::Crsf => receiver::Protocol::Crsf,
             Protocol::Pwm => return None,
         };
-        protocol
-            .frame(receiver::channels_on(self.channels, self.stick.get(), self.switch.get()), self.is_on())
+        let [throttle, switch, hand_over] = self.channels;
+        let mut channels = receiver::channels_on([throttle, switch], self.stick.get(), self.switch.get());
+        if let Some(channel) = usize::from(hand_over).checked_sub(1).and_then(|place| channels.get_mut(place))
+        {
+            *channel = receiver::steps(self.hand_over_us());
+        }
+        protocol.frame(channels, self.is_on())
     }
 
-    /// The pulse that the receiver gives now on the channel of the stick (0) or of the switch (1).
+    /// Pulse width of the hand-over switch in µs.
+    const fn hand_over_us(&self) -> u16 {
+        if self.hands_over.get() { 2000 } else { 1000 }
+    }
+
+    /// Number of its channels.
+    fn count(&self) -> usize {
+        if self.has_hand_over() { 3 } else { 2 }
+    }
+
+    /// The pulse that the receiver gives now on the channel of the stick (0), of the switch (1) or of the hand-over switch (2).
     fn pulse(&self, place: usize) -> MeasuredPulse {
         let width = match place {
             0 => receiver::throttle_us(self.stick.get()),
-            _ => self.switch.get().pulse_us(),
+            1 => self.switch.get().pulse_us(),
+            _ => self.hand_over_us(),
         };
         let period = u32::try_from(PULSES_EVERY.as_micros()).unwrap_or(u32::MAX);
         MeasuredPulse { number: self.channels.get(place).copied().unwrap_or(0), width: width.into(), period }
@@ -93,9 +118,10 @@ impl<'a> Pulses<'a> {
     /// The next one.
     pub async fn next(&mut self) -> MeasuredPulse {
         loop {
-            self.next += PULSES_EVERY / 2;
+            let count = self.transmitter.count();
+            self.next += PULSES_EVERY / count as u32;
             Timer::at(self.next).await;
-            self.place = 1 - self.place;
+            self.place = (self.place + 1) % count;
             if self.transmitter.is_on() {
                 return self.transmitter.pulse(self.place);
             }

@@ -101,7 +101,7 @@ const DIGITS: [KeyCode; 8] =
     [Char('1'), Char('2'), Char('3'), Char('4'), Char('5'), Char('6'), Char('7'), Char('8')];
 
 /// Everywhere. Those that are not of a menu come behind those of the menu that is open.
-pub const KEYS: [Key; 28] = [
+pub const KEYS: [Key; 29] = [
     key(&[Char(' ')], "Space", Does::WishAll(STOP), "emergency stop of all engines", "STOP ALL"),
     key(&[Char('r')], "r", Does::Release, "release the stop (then y)", ""),
     key(&[Char('?'), KeyCode::F(1)], "?", Does::Help, "these keys", "keys"),
@@ -113,6 +113,7 @@ pub const KEYS: [Key; 28] = [
     key(&[Char('d')], "d", act(Act::Disarm), "disarm: allow no start", ""),
     key(&[Char('s')], "s", act(Act::Start), "start: run at idle", "start"),
     key(&[Char('t')], "t", act(Act::Standby), "standby: shut down and cool", "standby"),
+    key(&[Char('h')], "h", Does::Wish(Wish::HandOver), "hand over, or take back: --rc", ""),
     key(&[KeyCode::Up], "Up", Does::Wish(Wish::Step(50)), "demand 5 % up", "demand"),
     key(&[KeyCode::Down], "Down", Does::Wish(Wish::Step(-50)), "demand 5 % down", ""),
     key(&[KeyCode::PageUp], "PgUp", Does::Wish(Wish::Step(200)), "demand 20 % up", ""),
@@ -191,6 +192,7 @@ pub fn by_transmitter(key: &Key) -> &'static str {
         Does::Wish(Wish::Step(-50)) => "the stick 5 % down",
         Does::Wish(Wish::Step(200)) => "the stick 20 % up",
         Does::Wish(Wish::Step(-200)) => "the stick 20 % down",
+        Does::Wish(Wish::HandOver) => "the engines to the lower source, or back",
         Does::Wish(Wish::Toggle(Fault::Silence)) => "the transmitter off, or on",
         Does::Wish(Wish::Act(Act::Script)) => "nothing: there is no script",
         _ => key.text,
@@ -295,7 +297,7 @@ mod tests {
                 count += 1;
             }
         }
-        assert_eq!(count, 12);
+        assert_eq!(count, 13);
     }
 
     #[test]
