@@ -38,7 +38,7 @@ fn main() {
             write("apj_board_id.rs", &id.to_string());
             println!("cargo:rustc-env=JETLINK_PORTS={}", board.ports.len());
             println!("cargo:rustc-env=JETLINK_RADIO_PORT={}", board.radio);
-            println!("cargo:rustc-env=JETLINK_OUTPUTS={:02}", board.outputs.len());
+            println!("cargo:rustc-env=JETLINK_OUTPUTS={}", free_outputs(board));
             if board.pulses.is_some() {
                 println!("cargo:rustc-cfg=board_pulses");
             }
@@ -63,6 +63,14 @@ fn main() {
     for argument in ["--nmagic", "-Tlink.x", "-Tdefmt.x"] {
         println!("cargo:rustc-link-arg-bins={argument}");
     }
+}
+
+/// Numbers of the outputs of a test image, two digits each: all that are not its inputs for servo pulses.
+fn free_outputs(board: &Board) -> String {
+    let has_pulses = env::var_os("CARGO_FEATURE_RADIO_PWM").is_some();
+    let inputs = board.pulses.filter(|_| has_pulses).map_or([""; 4], |inputs| inputs.pins);
+    let outputs = board.outputs.iter().enumerate().filter(|(_, output)| !inputs.contains(&output.pin));
+    outputs.map(|(number, _)| format!("{number:02}")).collect()
 }
 
 /// The memory map, for the linker.

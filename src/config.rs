@@ -95,33 +95,35 @@ const fn radio_port() -> u8 {
 #[cfg(not(feature = "outputs"))]
 pub const OUTPUTS: Option<[OutputConfig; ENGINES.len()]> = None;
 
-/// Test images only (feature `outputs`): a valve for each engine on the first outputs of the board, power on the next ones as far as
-/// it has them. With the last engine the low level energises.
+/// Test images only (feature `outputs`): a valve for each engine on the first outputs of the board that are no inputs, power on the next
+/// ones, as far as there are any. With the last engine the low level energises.
 #[cfg(feature = "outputs")]
 pub const OUTPUTS: Option<[OutputConfig; ENGINES.len()]> = {
     let mut engines = [OutputConfig::NONE; ENGINES.len()];
     let mut i = 0;
     while i < ENGINES.len() {
-        let (valve, power) = (i as u8, (ENGINES.len() + i) as u8);
         let low = i == ENGINES.len() - 1;
-        engines[i] = OutputConfig::valve(OutputPin { number: valve, low });
-        if power < outputs_of_board() {
-            engines[i] = engines[i].with_power(OutputPin { number: power, low });
+        if let Some(number) = output(i) {
+            engines[i] = OutputConfig::valve(OutputPin { number, low });
+        }
+        if let Some(number) = output(ENGINES.len() + i) {
+            engines[i] = engines[i].with_power(OutputPin { number, low });
         }
         i += 1;
     }
     Some(engines)
 };
 
-/// Number of outputs of the board (build.rs); without a board, two for each engine.
+/// Number of an output of the board that is no input (build.rs); without a board there are two for each engine.
 #[cfg(feature = "outputs")]
-const fn outputs_of_board() -> u8 {
+const fn output(place: usize) -> Option<u8> {
     match option_env!("JETLINK_OUTPUTS") {
-        Some(outputs) => {
+        Some(outputs) if 2 * place < outputs.len() => {
             let digits = outputs.as_bytes();
-            (digits[0] - b'0') * 10 + digits[1] - b'0'
+            Some((digits[2 * place] - b'0') * 10 + digits[2 * place + 1] - b'0')
         }
-        None => 2 * ENGINES.len() as u8,
+        None if place < 2 * ENGINES.len() => Some(place as u8),
+        _ => None,
     }
 }
 
@@ -134,12 +136,15 @@ pub const SUPPLY: bool = cfg!(feature = "supply");
 #[cfg(not(feature = "outputs"))]
 pub const BUZZER: Option<OutputPin> = None;
 
-/// Test images only (feature `outputs`): the last output of a board that has one left.
+/// Test images only (feature `outputs`): the last output, where one is left.
 #[cfg(feature = "outputs")]
-pub const BUZZER: Option<OutputPin> = if outputs_of_board() as usize > 2 * ENGINES.len() {
-    Some(OutputPin::high(outputs_of_board() - 1))
-} else {
-    None
+pub const BUZZER: Option<OutputPin> = {
+    let (mut last, mut place) = (None, 2 * ENGINES.len());
+    while let Some(number) = output(place) {
+        last = Some(OutputPin::high(number));
+        place += 1;
+    }
+    last
 };
 
 const _: () = check(&ENGINES);

@@ -23,7 +23,7 @@ pub enum Image {
     SelfTest,
     /// With a CRSF receiver and outputs for valves and power (feature `radio-crsf`).
     RadioCrsf,
-    /// With servo pulses on the board's inputs for them (feature `radio-pwm`).
+    /// With servo pulses on the board's inputs for them, and outputs on what is left (feature `radio-pwm`).
     RadioPwm,
     /// With an SBUS receiver and outputs for valves and power (feature `outputs`).
     Outputs,
@@ -68,9 +68,18 @@ impl Image {
         }
     }
 
-    /// Whether it drives outputs: engine i has its fuel valve on output i, and the last engine's is energised by the low level.
+    /// Whether it drives outputs: see [`Image::outputs`].
     pub const fn has_outputs(self) -> bool {
-        matches!(self, Self::RadioCrsf | Self::Outputs)
+        matches!(self, Self::RadioCrsf | Self::RadioPwm | Self::Outputs)
+    }
+
+    /// The outputs of a board that it may drive, by number: engine i has its fuel valve on the i-th of them, and behind all valves come the
+    /// powers of starter and ignition, as far as there are any. What the last engine has is energised by the low level.
+    pub fn outputs(self, board: &Board) -> Vec<usize> {
+        let inputs = board.inputs.iter().filter(|_| self == Self::RadioPwm).flat_map(|inputs| inputs.pins);
+        let inputs: Vec<_> = inputs.map(|pin| (pin.port, pin.number)).collect();
+        let free = |number: &usize| !inputs.contains(&board.outputs[*number].pin);
+        (0..board.outputs.len()).filter(|_| self.has_outputs()).filter(free).collect()
     }
 
     /// Those of a board: all of them for the first board of a part, what is flashed for the others.

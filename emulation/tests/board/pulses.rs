@@ -3,6 +3,7 @@
 
 use crate::radio::{AMT, Order, ZK, is_half, order_at, orders, phases};
 use crate::support::on_each_board;
+use emulation::pins::{Level, Pin};
 use emulation::receiver::Position;
 use emulation::{Board, Image, PulseReceiver, Report, Run, turnaround};
 use sim::amt::AmtEcu;
@@ -76,6 +77,41 @@ fn pulses_fly_two_turbines_and_a_receiver_without_them_is_silence_and_no_jump() 
             assert!(within(&orders, *at, report.at).all(|(_, order)| *order == Order::Stop), "{which}");
         }
         assert!(phases(&report).iter().all(|phase| *phase != Phase::Running), "{:?}", phases(&report));
+    });
+}
+
+/// Both in one image: the inputs take four of the outputs, and valves are on what is left: that of "left" on both boards, which the stop
+/// closes within 10 ms of the second pulse with it, and over a reset. No output is on an input.
+#[test]
+fn pulses_open_and_close_a_valve_on_an_output_that_is_no_input() {
+    on_each_board(|board| {
+        const STOP: Nanos = 12 * SECOND;
+        const RESET: Nanos = 13 * SECOND;
+        let report = run(board)
+            .at(3 * SECOND, |bench| bench.pulses().switch = Position::Standby)
+            .at(5 * SECOND, |bench| bench.pulses().switch = Position::Run)
+            .at(STOP, |bench| bench.pulses().switch = Position::Stop)
+            .at(RESET, |bench| bench.watchdog_runs_out())
+            .resets(1)
+            .until(14 * SECOND)
+            .go();
+        let free = Image::RadioPwm.outputs(board);
+        assert_eq!(free.len(), board.outputs.len() - 4, "{}", board.name);
+        let valve = Pin::output(&report, free[0]);
+        let reset = report.resets[0].0;
+        let changes = valve.changes(SECOND..reset);
+        let levels: Vec<Level> = changes.iter().map(|(_, level)| *level).collect();
+        assert_eq!(levels, [Level::High, Level::Low], "{}: {changes:?}", board.name);
+        let (opened, closed) = (changes[0].0, changes[1].0);
+        assert!((5 * SECOND..8 * SECOND).contains(&opened), "{}: {opened}", board.name);
+        // The median of three pulses, 20 ms apart, has it with the second.
+        println!("{}: closed {:.1} ms after the switch", board.name, (closed - STOP) as f64 / 1e6);
+        assert!((STOP..STOP + 60 * MILLIS).contains(&closed), "{}: {closed}", board.name);
+        let after = valve.changes(reset + 1..report.at);
+        assert!(matches!(after[..], [(_, Level::Low)]), "{}: {after:?}", board.name);
+        for number in (0..board.outputs.len()).filter(|number| !free.contains(number)) {
+            assert_eq!(Pin::output(&report, number).driven(), None, "{}, output {number}", board.name);
+        }
     });
 }
 
