@@ -322,17 +322,27 @@ impl Rig {
 
     /// The flag of a brown-out reset (BORRSTF in RCC_RSR; RCC_CSR of an F427) is set: rigless has no such reset.
     pub fn flag_brown_out(&mut self) {
+        self.flag_reset(21, 25);
+    }
+
+    /// The flag of a power-on (PORRSTF) is set.
+    pub fn flag_power_on(&mut self) {
+        self.flag_reset(23, 27);
+    }
+
+    /// Sets the flag with this number of an H743, or of an F427.
+    fn flag_reset(&mut self, h743: u32, f427: u32) {
         use rigless::soc::{stm32f427, stm32h743};
         let slot = self.chip.bus().slot("RCC").expect("the part has a clock controller");
         let registers = self.chip.bus_mut().slot_mut(slot).registers_mut();
         match self.kind {
             Part::H743 => {
                 let register = stm32h743::generated::rcc::Register::Rsr;
-                registers.set(register, registers.get(register) | 1 << 21);
+                registers.set(register, registers.get(register) | 1 << h743);
             }
             Part::F427 => {
                 let register = stm32f427::generated::rcc::Register::Csr;
-                registers.set(register, registers.get(register) | 1 << 25);
+                registers.set(register, registers.get(register) | 1 << f427);
             }
         }
     }

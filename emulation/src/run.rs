@@ -484,6 +484,12 @@ impl Bench<'_> {
         self.press_reset();
     }
 
+    /// The supply goes and comes back. The RAM is left as it was: the test overwrites it.
+    pub fn power_on(&mut self) {
+        self.session.board_mut().flag_power_on();
+        self.press_reset();
+    }
+
     /// The watchdog runs out at once, as if it had not been fed.
     pub fn watchdog_runs_out(&mut self) {
         let (now, base) = (VirtualNanos(self.now), self.board.watchdog);

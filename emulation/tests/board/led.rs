@@ -7,7 +7,7 @@ use emulation::{Image, Run};
 use sim::ecu::{MILLIS, Nanos, SECOND};
 
 #[test]
-fn armed_running_source_lost_and_stop_latched_are_shown() {
+fn armed_running_source_lost_stop_latched_and_fault_are_shown() {
     on_each_board(|board| {
         let led = Led::of(board);
         let report = Run::new(board, Image::Outputs)
@@ -19,7 +19,8 @@ fn armed_running_source_lost_and_stop_latched_are_shown() {
             .at(60 * SECOND, |bench| bench.radio().transmitter = false)
             .at(64 * SECOND, |bench| bench.radio().transmitter = true)
             .at(70 * SECOND, |bench| bench.radio().switch = Position::Stop)
-            .until(75 * SECOND)
+            .at(76 * SECOND, |bench| bench.cut("SERIAL2", true))
+            .until(81 * SECOND)
             .go();
         let (lit, dark) = (led.lit(&report), led.dark(&report));
         // The image has the buzzer on the last output, where one is left (src/config.rs).
@@ -38,6 +39,7 @@ fn armed_running_source_lost_and_stop_latched_are_shown() {
             (62, &[300], true),            // source lost
             (68, &[50; 3], false),         // back
             (73, &[300; 2], true),         // stop latched
+            (79, &[50; 5], true),          // fault: a link is lost
         ] {
             assert_eq!(flashes(second), shows, "{}, second {second}\n{}", board.name, report.log_text());
             let Some(buzzer) = &buzzer else { continue };

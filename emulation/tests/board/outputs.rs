@@ -275,6 +275,156 @@ fn valve_stays_open_in_flight_over_every_reset_with_a_record() {
     });
 }
 
+/// A kind of reset.
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    Watchdog,
+    Software,
+    Pin,
+    BrownOut,
+    /// Nothing is left of the RAM.
+    PowerOn,
+}
+
+impl Kind {
+    const ALL: [Self; 5] = [Self::Watchdog, Self::Software, Self::Pin, Self::BrownOut, Self::PowerOn];
+
+    /// As the log has it.
+    const fn cause(self) -> &'static str {
+        match self {
+            Self::Watchdog => "watchdog",
+            Self::Software => "software",
+            Self::Pin => "reset pin",
+            Self::BrownOut => "brown-out",
+            Self::PowerOn => "power-on",
+        }
+    }
+
+    fn happens(self, bench: &mut Bench<'_>, board: &Board) {
+        match self {
+            Self::Watchdog => bench.watchdog_runs_out(),
+            Self::Software => crash(bench, board, Image::Outputs),
+            Self::Pin => bench.press_reset(),
+            Self::BrownOut => bench.brown_out(),
+            Self::PowerOn => {
+                scramble(bench, board);
+                bench.power_on();
+            }
+        }
+    }
+}
+
+/// What the engines do when the part is reset.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum State {
+    /// In standby, not started yet.
+    AtRest,
+    /// In a start.
+    Starting,
+    Running,
+    /// Running, with a wire that has just been cut.
+    InDoubt,
+    /// Shut down, hot, and turning.
+    Cooling,
+    StopLatched,
+}
+
+/// The resets of a run, each with the state that it meets.
+fn reset_in_each(mut run: Run, board: &'static Board, resets: &[(Nanos, State, Kind)], until: Nanos) {
+    for &(at, state, kind) in resets {
+        if state == State::InDoubt {
+            // Three reports are missing at the reset. An AMT ECU shuts down 2 s after its last command.
+            for (from, cut) in [(at - 800 * MILLIS, true), (at + 300 * MILLIS, false)] {
+                run = run.at(from, move |bench| [AMT, ZK].iter().for_each(|port| bench.cut(port, cut)));
+            }
+        }
+        run = run.at(at, move |bench| {
+            let phases =
+                [bench.ecu::<AmtEcu>(AMT).turbine().phase(), bench.ecu::<ZkEcu>(ZK).turbine().phase()];
+            let which = format!("{}, {state:?}, {kind:?}: {phases:?}", board.name);
+            match state {
+                State::AtRest => assert_eq!(phases, [Phase::Standby; 2], "{which}"),
+                // One engine of a group is started after the other.
+                State::Starting => assert!(phases[0].is_starting(), "{which}"),
+                State::Running | State::InDoubt => assert_eq!(phases, [Phase::Running; 2], "{which}"),
+                State::Cooling | State::StopLatched => {
+                    assert!(!phases.iter().any(|phase| phase.is_live()), "{which}");
+                }
+            }
+            kind.happens(bench, board);
+        });
+    }
+    let report = run.resets(resets.len()).with_errors().until(until).go();
+    let causes = report.lines("last reset: ").map(|log| log.text.rsplit_once(": ").expect("a cause").1);
+    let expected = resets.iter().map(|(_, _, kind)| kind.cause());
+    assert_eq!(causes.skip(1).collect::<Vec<_>>(), expected.collect::<Vec<_>>(), "{}", board.name);
+    let times = report.resets.iter().map(|reset| reset.0);
+    let ends = resets.iter().skip(1).map(|(at, ..)| *at).chain([report.at]);
+    for ((reset, end), &(_, state, kind)) in times.zip(ends).zip(resets) {
+        let which = format!("{}, {state:?}, {kind:?}", board.name);
+        let continues = matches!(state, State::Running | State::InDoubt);
+        let recorded = continues && !matches!(kind, Kind::PowerOn);
+        for valve in VALVES {
+            let level = if recorded { valve.on } else { valve.off() };
+            let driven = driven_after(&report, valve, reset, level);
+            let changes = Pin::output(&report, valve.number).changes(driven + 1..end.min(reset + SECOND));
+            // Without a record it opens once the ECU reports that its engine runs.
+            let opens = changes.iter().all(|(_, level)| *level == valve.on) && changes.len() <= 1;
+            assert!(
+                if continues { opens } else { changes.is_empty() },
+                "{which}, {}: {changes:?}",
+                valve.name
+            );
+        }
+        // What was armed, ran or was stopped has its starter's power at once.
+        let powered = match kind {
+            Kind::Watchdog | Kind::Software | Kind::Pin => true,
+            Kind::BrownOut => continues || state == State::StopLatched,
+            Kind::PowerOn => false,
+        };
+        if powered {
+            driven_after(&report, POWER, reset, POWER.on);
+        } else if matches!(kind, Kind::PowerOn) {
+            driven_after(&report, POWER, reset, POWER.off());
+        }
+    }
+}
+
+/// Every kind of reset in every state: where the engine does not continue the valve is closed and stays so, and where it does the valve is driven
+/// open before anything else. Only a loss of power that erases the record closes it there, until the ECU is received.
+#[test]
+fn each_reset_in_each_state_leaves_the_valve_closed_unless_the_engine_continues() {
+    on_each_board(|board| {
+        // Every 2.5 s: an engine that is found is taken over, and its record is whole, until the next.
+        let row = |from: Nanos, every: Nanos, state| {
+            let times = (0..).map(move |n: Nanos| from + n * every);
+            times.zip(Kind::ALL).map(move |(at, kind)| (at, state, kind))
+        };
+        let running = row(28 * SECOND, 2500 * MILLIS, State::Running);
+        let in_doubt = row(42 * SECOND, 3 * SECOND, State::InDoubt);
+        let cooling = row(59 * SECOND, 600 * MILLIS, State::Cooling);
+        let stopped = row(63 * SECOND, 600 * MILLIS, State::StopLatched);
+        let resets: Vec<_> = running.chain(in_doubt).chain(cooling).chain(stopped).collect();
+        let run = flying(board)
+            .at(58 * SECOND, |bench| bench.radio().switch = Position::Standby)
+            .at(62_500 * MILLIS, |bench| bench.radio().switch = Position::Stop);
+        reset_in_each(run, board, &resets, 66 * SECOND);
+        // At rest and armed, five times; then a start, which a reset ends.
+        for kind in Kind::ALL {
+            let run = Run::new(board, Image::Outputs)
+                .quick_engines()
+                .only(&[AMT, ZK])
+                .radio(Receiver::new(Protocol::Sbus))
+                .at(2 * SECOND, |bench| bench.radio().switch = Position::Standby)
+                .at(5 * SECOND, |bench| bench.radio().switch = Position::Stop)
+                .at(6500 * MILLIS, |bench| bench.radio().switch = Position::Standby)
+                .at(8500 * MILLIS, |bench| bench.radio().switch = Position::Run);
+            let resets = [(4 * SECOND, State::AtRest, kind), (10 * SECOND, State::Starting, kind)];
+            reset_in_each(run, board, &resets, 10_500 * MILLIS);
+        }
+    });
+}
+
 /// The firmware crashes within 0.8 s of each start, again and again. The valve stays open for less than 10 s of it; a start that lives for a
 /// second restarts the count; 10 s in a row close it, also when the crashes are over, because the engine is not at rest.
 #[test]
