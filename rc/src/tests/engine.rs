@@ -197,6 +197,46 @@ fn positions_found_after_a_gap_shut_nothing_down_but_stop_does() {
     });
 }
 
+/// Beside a stop, which counts at once: see the next test.
+#[test]
+fn standby_counts_once_it_has_been_held_for_60_ms() {
+    each(async |world| {
+        world.start().await;
+        world.radio.stick.set(1500);
+        world.until("half throttle", 5, || world.ordered() == Some(500)).await;
+        // The median of three adds a frame at the beginning, and one at the end.
+        world.radio.switch.set(STANDBY);
+        world.pass(0.05).await;
+        world.radio.switch.set(RUN);
+        world.pass(1.0).await;
+        assert_eq!((world.state(), world.ordered()), (EngineState::Running, Some(500)));
+        world.radio.switch.set(STANDBY);
+        world.pass(0.15).await;
+        assert_eq!(world.telemetry().ordered.order, Order::Standby);
+    });
+}
+
+/// A stop is latched, and the receiver pauses: standby that is found behind the pause is no move from stop, however long it is held.
+#[test]
+fn standby_found_after_a_gap_releases_and_arms_nothing() {
+    each(async |world| {
+        world.arm().await;
+        world.switch(STOP).await;
+        assert!(world.telemetry().stop_latched && !world.telemetry().armed);
+        world.radio.on.set(false);
+        world.pass(1.0).await;
+        world.radio.switch.set(STANDBY);
+        world.radio.on.set(true);
+        world.pass(10.0).await;
+        assert!(world.telemetry().stop_latched && !world.telemetry().armed);
+        // Beside it: the move in sight does both.
+        world.switch(STOP).await;
+        world.pass(1.0).await;
+        world.radio.switch.set(STANDBY);
+        world.until("released", 30, || !world.telemetry().stop_latched && world.telemetry().armed).await;
+    });
+}
+
 #[test]
 fn stop_is_latched_closes_the_valve_and_is_released_by_the_move_to_standby() {
     each(async |world| {
@@ -401,6 +441,38 @@ fn outputs_that_nobody_drives_are_no_stop_with_end_points_of_1000_us_either() {
                 // A stop that a transmitter sends is one, also beside a stick that is as low as one can be.
                 world.radio.switch.set(STOP);
                 world.until("a stop", 1, || world.telemetry().stop_latched).await;
+            })
+            .await;
+        });
+    }
+}
+
+/// 800 to 2200 µs are accepted, so an end point may be anywhere in between, also where an autopilot that starts has its outputs: then those are
+/// a stick at idle and a switch at stop, and stop the engine. docs/rc.md says from which end point on they do not.
+#[test]
+fn outputs_that_nobody_drives_are_no_stop_from_an_end_point_of_892_us_on() {
+    for (low, stops) in [(800, true), (888, true), (891, true), (892, false), (900, false)] {
+        begin(Kind::Pwm, async |radio, plug, halves| {
+            let settings = EngineSettings { low, ..Kind::Pwm.settings() };
+            life(&Life { radio, plug, memory: None, settings }, halves, async |world| {
+                radio.stick.set(low);
+                world.pass(2.0).await;
+                world.radio.switch.set(STANDBY);
+                world.until("armed", 30, || world.telemetry().armed).await;
+                world.until("standby", 60, || world.state() == EngineState::Standby).await;
+                world.pass(2.0).await;
+                world.radio.switch.set(RUN);
+                world.until("running", 120, || world.state() == EngineState::Running).await;
+                world.radio.stick.set(low.midpoint(1900));
+                world.until("half throttle", 10, || world.ordered().is_some_and(|order| order >= 495)).await;
+                world.radio.plugged.set(false);
+                world.pass(2.0).await;
+                world.radio.plugged.set(true);
+                for output in [&world.radio.stick, &world.radio.switch, &world.radio.hand_over] {
+                    output.set(881);
+                }
+                world.pass(2.0).await;
+                assert_eq!(world.telemetry().stop_latched, stops, "{low} µs");
             })
             .await;
         });

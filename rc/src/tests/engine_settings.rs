@@ -71,6 +71,29 @@ fn stick_whose_end_point_is_below_900_us_starts_and_throttles() {
     });
 }
 
+/// The whole range of pulses that are accepted.
+#[test]
+fn stick_with_end_points_of_800_and_2200_us_starts_and_reaches_full_throttle() {
+    begin(Kind::Pwm, async |radio, plug, halves| {
+        let settings = EngineSettings { low: 800, high: 2200, ..radio.kind.settings() };
+        life(&Life { radio, plug, memory: None, settings }, halves, async |world| {
+            radio.stick.set(800);
+            world.pass(2.0).await;
+            world.radio.switch.set(STANDBY);
+            world.until("armed", 30, || world.telemetry().armed).await;
+            world.until("standby", 60, || world.state() == EngineState::Standby).await;
+            world.pass(2.0).await;
+            world.radio.switch.set(RUN);
+            world.until("running", 120, || world.state() == EngineState::Running).await;
+            for (stick, ordered) in [(1500, 500), (2200, 1000), (800, 0)] {
+                world.radio.stick.set(stick);
+                world.until("the throttle", 10, || world.ordered() == Some(ordered)).await;
+            }
+        })
+        .await;
+    });
+}
+
 #[test]
 fn without_a_switch_radio_control_moves_the_throttle_and_neither_starts_nor_stops() {
     begin(Kind::Sbus, async |radio, plug, halves| {
