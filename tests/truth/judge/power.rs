@@ -37,7 +37,7 @@ impl Case<'_> {
         let all_off = |from: u64, to: u64| off.within(from, to) == to - from;
         for commanded in h.commanded.iter().filter(|c| c.command == PilotCommand::Arm) {
             let (from, to) = (commanded.at, commanded.at + LATE);
-            let holds = self.command_log.surely_armed(from) && self.command_log.surely_armed(to);
+            let holds = self.surely_armed(from) && self.surely_armed(to);
             if holds && !self.down.touches(from, to) && to < h.end && all_off(from, to) {
                 let text = format!("armed at {}, and starter and ignition have no power", seconds(from));
                 self.verdict.finding(Rule::Power, to, text);
@@ -60,6 +60,11 @@ impl Case<'_> {
         }
     }
 
+    /// Armed for sure. Where a start needs no arming, who has armed is not followed.
+    fn surely_armed(&self, at: u64) -> bool {
+        self.h.rules.arming && self.command_log.surely_armed(at)
+    }
+
     /// The record of an armed engine, of a stop or of one that runs has it on before anything is received.
     fn power_survives_a_reset(&mut self) {
         let h = self.h;
@@ -67,14 +72,25 @@ impl Case<'_> {
         for reset in h.resets.iter().filter(|reset| reset.cause != Cause::PowerOn) {
             let known = reset.down.saturating_sub(self.two_states() + LATE);
             let samples = h.samples(known, reset.down);
-            let runs = !samples.is_empty()
+            // Over a brown-out only a run leaves that it ran.
+            let frames = h.frames_within(0, reset.down);
+            let ordered = frames.iter().rev().find_map(|frame| frame.sent.switch()) == Some(Switch::Run);
+            let runs = ordered
+                && !samples.is_empty()
                 && samples.iter().all(|sample| sample.runs())
                 && self.could_know(reset.down);
             let stopped = self.stopped.within(reset.down.saturating_sub(LATE), reset.up) >= LATE;
-            let armed = reset.cause == Cause::Watchdog && self.command_log.surely_armed(reset.down);
+            let armed = reset.cause == Cause::Watchdog && self.surely_armed(reset.down);
             let had = on.within(reset.down.saturating_sub(LATE), reset.down) == LATE;
             if had && (runs || stopped || armed) && off.contains(reset.up + 1) {
-                let text = format!("the node begins at {}, and the starter has no power", seconds(reset.up));
+                let why = if stopped {
+                    "a stop was latched"
+                } else if armed {
+                    "it was armed"
+                } else {
+                    "it ran"
+                };
+                let text = format!("the node begins, {why}, and the starter has no power");
                 self.verdict.finding(Rule::Power, reset.up, text);
             }
         }
@@ -96,7 +112,7 @@ impl Case<'_> {
         let ends = h.power.windows(2).filter(|pair| pair[0].1 == Some(true) && pair[1].1 == Some(false));
         for at in ends.map(|pair| pair[1].0).collect::<Vec<_>>() {
             self.verdict.count("starters without power again", 1);
-            if self.command_log.surely_armed(at) && self.command_log.surely_armed(at.saturating_sub(LATE)) {
+            if self.surely_armed(at) && self.surely_armed(at.saturating_sub(LATE)) {
                 self.verdict.finding(Rule::Power, at, "an armed engine's starter loses its power");
             }
             let from = at.saturating_sub(COLD_FOR);

@@ -152,7 +152,12 @@ impl Case<'_> {
                 let streamed = commanded.command == PilotCommand::Standby;
                 ends(commanded.command) && !(streamed && lately.iter().any(|other| above(&other)))
             });
-            if before == Some(Switch::Run) && after == Some(Switch::Run) && !commanded {
+            let is_known = |found: &super::case::Finding| found.rule == Rule::CutOff && found.at == at;
+            if before == Some(Switch::Run)
+                && after == Some(Switch::Run)
+                && !commanded
+                && !self.verdict.findings.iter().any(is_known)
+            {
                 self.verdict.finding(Rule::CutOff, at, "the valve closes, and run is ordered");
             }
         }
