@@ -468,6 +468,12 @@ impl<'a> Player<'a> {
             if self.transmitter.is_some_and(|transmitter| !transmitter.is_on()) {
                 context.audit.borrow_mut().may_be_up_to(clock::now_ns(), None);
             }
+            if self.transmitter.is_some_and(|transmitter| transmitter.hands_over.get())
+                && let PilotInput::Run(demand) = context.input.get()
+            {
+                // Down to idle, or what the lower source commands.
+                context.audit.borrow_mut().may_be_up_to(clock::now_ns(), Some(demand));
+            }
             let (counts, ignitions) =
                 plug.ecu(|ecu| (ecu.counts(), ecu.turbine().history().ignitions.clone()));
             hand.judge.borrow_mut().look(&Seen {
