@@ -1,5 +1,6 @@
 """A pilot written from the MAVLink documents, against `jetlink rig --mavlink`: two engines, left (AMT) and right (ZK)."""
 
+import os
 import socket
 import sys
 
@@ -108,6 +109,26 @@ def flight(ground, plane):
     plane.pulse = 1100
 
 
+def flight_of_the_other(ground, plane):
+    """The AMT engine, whose protocol is another."""
+    answer, text = ground.command(LEFT, START, 1)
+    assert answer == ACCEPTED and "refused" not in text, (answer, text)
+    until("running", 120, lambda: ground.state(LEFT) == RUNNING)
+    plane.pulse = 1700
+    until("throttle", 15, lambda: ground.last("EFI_STATUS", LEFT).throttle_out == 75)
+    wait(12)
+    plane.pulse = 1100
+    assert ground.command(LEFT, START, 0)[0] == ACCEPTED
+
+
+def record(ground, mark):
+    """All EFI_STATUS since then, for efi.py: whether they are what the ECUs have sent."""
+    with open(os.environ["EFI_LOG"], "w") as log:
+        for efi in ground.since(mark, "EFI_STATUS"):
+            values = efi.rpm, efi.exhaust_gas_temperature, efi.fuel_flow, efi.throttle_position
+            print(efi.get_srcComponent(), *values, file=log)
+
+
 def cancelled(ground, engine):
     """A start is cancelled: a stop, and its repeat starts nothing."""
     until("at rest", 400, lambda: ground.state(engine) == STANDBY and ground.last("EFI_STATUS", engine).rpm < 500)
@@ -126,7 +147,9 @@ def cancelled(ground, engine):
 
 def restart(ground):
     """Parameters are kept over a restart of the node, and stations find it again."""
-    until("at rest", 400, lambda: ground.state(RIGHT) == STANDBY and ground.last("EFI_STATUS", RIGHT).rpm < 500)
+    for engine in (LEFT, RIGHT):
+        at_rest = lambda: ground.state(engine) == STANDBY and ground.last("EFI_STATUS", engine).rpm < 500
+        until("at rest", 400, at_rest)
     assert ground.set(RIGHT, "MAV_THR_MAX", 2000) == 2000
     mark = len(ground.received)
     assert ground.command(NODE, REBOOT, 1)[0] == ACCEPTED
@@ -224,7 +247,10 @@ def main():
     discovery(ground, plane)
     parameters(ground, RIGHT, (NODE, LEFT, RIGHT), 20)
     refusals(ground, plane, RIGHT)
+    mark = len(ground.received)
     flight(ground, plane)
+    flight_of_the_other(ground, plane)
+    record(ground, mark)
     cancelled(ground, RIGHT)
     restart(ground)
     emergency(ground, RIGHT, LEFT)
