@@ -9,9 +9,16 @@ use cortex_m::peripheral::SCB;
 use super::{chip, early::end, wait, watchdog};
 use cortex_m_rt::{ExceptionFrame, exception};
 
+/// The compiler does not see what comes next, as that may panic, too: in a circle it would keep the messages of all panics, which nothing reads,
+/// and what formats them.
 #[panic_handler]
 fn panic(info: &core::panic::PanicInfo) -> ! {
-    crash(|| match info.location() {
+    core::hint::black_box(panicked as fn(Option<&core::panic::Location<'_>>) -> !)(info.location())
+}
+
+#[inline(never)]
+fn panicked(at: Option<&core::panic::Location>) -> ! {
+    crash(|| match at {
         Some(at) => defmt::error!("panic at {=str}:{=u32}, resetting", at.file(), at.line()),
         None => defmt::error!("panic, resetting"),
     })
