@@ -27,6 +27,7 @@ mod fram;
 pub mod guard;
 #[cfg(feature = "usb")]
 pub mod key;
+mod memory;
 #[cfg(all(not(feature = "fram"), any(not(feature = "stm32h7"), feature = "ardupilot-bootloader")))]
 mod no_storage;
 #[cfg(feature = "stm32")]
