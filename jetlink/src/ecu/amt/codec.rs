@@ -435,10 +435,15 @@ impl Setup {
 
     /// The engine, identified by the version's first number.
     pub fn engine(&self) -> Option<EngineModel> {
-        let (major, _) = self.version().split_once('.')?;
-        // `parse` alone would accept "+9" and "09", which no ECU sends.
-        let digits = major.bytes().all(|byte| byte.is_ascii_digit()) && !major.starts_with('0');
-        EngineModel::from_version(major.parse().ok().filter(|_| digits)?)
+        // Of bytes: text, split and parsed, is 0.6 kB of an image.
+        let version = self.text.get(..self.version_len())?;
+        let end = version.iter().position(|byte| *byte == b'.').filter(|_| version.is_ascii())?;
+        let number = version.iter().take(end).try_fold(0_u8, |number, byte| {
+            let digit = byte.checked_sub(b'0').filter(|digit| *digit <= 9)?;
+            // No ECU sends a leading zero.
+            number.checked_mul(10)?.checked_add(digit).filter(|number| *number > 0)
+        });
+        EngineModel::from_version(number?)
     }
 
     const fn version_len(&self) -> usize {
