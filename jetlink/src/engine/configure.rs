@@ -15,7 +15,6 @@ impl Engine {
         self.touch();
         self.config = *config;
         self.sources.configure(config);
-        self.limits.configure(config.limits);
         self.exhaust.configure(config.burning_egt);
         self.update(now);
         Ok(())

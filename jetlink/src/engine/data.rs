@@ -182,7 +182,7 @@ impl Engine {
             ended_by_loss: false,
             failed: false,
             others_failed: 0,
-            limits: LimitMonitor::new(config.supervision.limits),
+            limits: LimitMonitor::new(),
             exhaust: Exhaust::new(config.supervision.burning_egt),
             resets: 0,
             transmitter: None,

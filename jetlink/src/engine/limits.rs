@@ -69,7 +69,6 @@ struct Sample {
 /// Monitors the limits of one engine.
 #[derive(Clone, Debug)]
 pub(super) struct LimitMonitor {
-    limits: Limits,
     over_speed: LimitState,
     over_temperature: LimitState,
     low_rpm: LimitState,
@@ -99,9 +98,8 @@ pub(super) struct LimitMonitor {
 }
 
 impl LimitMonitor {
-    pub const fn new(limits: Limits) -> Self {
+    pub const fn new() -> Self {
         Self {
-            limits,
             over_speed: LimitState::WITHIN,
             over_temperature: LimitState::WITHIN,
             low_rpm: LimitState::WITHIN,
@@ -124,11 +122,6 @@ impl LimitMonitor {
             egt_filtered: None,
             history: Deque::new(),
         }
-    }
-
-    /// Changes the limits, for the values received from now on.
-    pub const fn configure(&mut self, limits: Limits) {
-        self.limits = limits;
     }
 
     /// The hotter of the last two exhaust temperatures, so that one odd frame does not make a hot exhaust cool.
@@ -158,6 +151,7 @@ impl LimitMonitor {
     /// order to run. `found` gets each violation that is confirmed.
     pub fn observe(
         &mut self,
+        limits: &Limits,
         now: Instant,
         report: &Report,
         supply: Option<Timed<Millivolts>>,
@@ -167,22 +161,22 @@ impl LimitMonitor {
         let phase = report.phase.map(|phase| phase.value);
         if let Some(rpm) = report.rpm.filter(|rpm| self.rpm_seen != Some(rpm.at)) {
             self.rpm_seen = Some(rpm.at);
-            self.observe_rpm(now, report, rpm, (phase, lowered), found);
+            self.observe_rpm(limits, now, report, rpm, (phase, lowered), found);
             self.rpm_filtered = Some(self.rpm_last.map_or(rpm.value, |last| last.min(rpm.value)));
             self.rpm_last = Some(rpm.value);
         }
         if let Some(egt) = report.egt.filter(|egt| self.egt_seen != Some(egt.at)) {
             self.egt_seen = Some(egt.at);
-            self.observe_egt(now, egt, phase, found);
+            self.observe_egt(limits, now, egt, phase, found);
             self.egt_filtered = Some(self.egt_last.map_or(egt.value, |last| last.max(egt.value)));
             self.egt_last = Some(egt.value);
         }
         if let Some(supply) = supply.filter(|supply| self.supply_seen != Some(supply.at)) {
             self.supply_seen = Some(supply.at);
-            if let Some(limit) = self.limits.supply_low.at {
+            if let Some(limit) = limits.supply_low.at {
                 let voltage = supply.value;
                 let violation = LimitViolation::new(LimitKind::SupplyLow, voltage.get(), limit.get(), now);
-                self.supply_low.observe(voltage < limit, violation, self.limits.supply_low.action, found);
+                self.supply_low.observe(voltage < limit, violation, limits.supply_low.action, found);
             }
         }
         if let Some(faults) = report.faults.filter(|faults| self.fault_seen != Some(faults.at)) {
@@ -196,7 +190,7 @@ impl LimitMonitor {
             let number = fault.unwrap_or_default();
             let violation = LimitViolation::new(LimitKind::EcuFault, number.into(), 0, now);
             let reported = &mut self.fault_reported;
-            self.fault.observe(fault.is_some(), violation, self.limits.ecu_fault, &mut |confirmed| {
+            self.fault.observe(fault.is_some(), violation, limits.ecu_fault, &mut |confirmed| {
                 *reported = confirmed.value;
                 if before != Some(confirmed.value) {
                     found(confirmed);
@@ -208,6 +202,7 @@ impl LimitMonitor {
 
     fn observe_rpm(
         &mut self,
+        limits: &Limits,
         now: Instant,
         report: &Report,
         rpm: Timed<Rpm>,
@@ -215,25 +210,25 @@ impl LimitMonitor {
         found: &mut dyn FnMut(LimitViolation),
     ) {
         let value = rpm.value.get();
-        if let Some(limit) = self.limits.implausible.at {
-            self.check_change(now, rpm, limit, found);
+        if let Some(limit) = limits.implausible.at {
+            self.check_change(now, rpm, (limit, limits.implausible.action), found);
         }
 
         // Without a configured limit the ECU's own figures apply.
         let reported_max = report.max_rpm.map(|max| max.value.get() / 100 * 105);
-        if let Some(limit) = self.limits.over_speed.at.map(Rpm::get).or(reported_max) {
+        if let Some(limit) = limits.over_speed.at.map(Rpm::get).or(reported_max) {
             let violation = LimitViolation::new(LimitKind::OverSpeed, value, limit, now);
-            self.over_speed.observe(value > limit, violation, self.limits.over_speed.action, found);
+            self.over_speed.observe(value > limit, violation, limits.over_speed.action, found);
         }
         let reported_idle = report.idle_rpm.map(|idle| idle.value.get() / 100 * 80);
-        if let Some(limit) = self.limits.low_rpm.at.map(Rpm::get).or(reported_idle) {
+        if let Some(limit) = limits.low_rpm.at.map(Rpm::get).or(reported_idle) {
             // `lowered` is `now` while no run is in force: after standby the ECU may still report a running engine.
             let low = phase == Some(Phase::Running) && lowered < now && value < limit;
             let violation = LimitViolation::new(LimitKind::LowRpm, value, limit, now);
-            self.low_rpm.observe(low, violation, self.limits.low_rpm.action, found);
+            self.low_rpm.observe(low, violation, limits.low_rpm.action, found);
         }
 
-        if let Some(limit) = self.limits.flame_out.at {
+        if let Some(limit) = limits.flame_out.at {
             let highest = self
                 .history
                 .iter()
@@ -245,7 +240,7 @@ impl LimitMonitor {
             let commanded = now < lowered + SPOOL_DOWN;
             let beyond = phase == Some(Phase::Running) && !commanded && lost >= u32::from(limit);
             let violation = LimitViolation::new(LimitKind::FlameOut, lost, u32::from(limit), now);
-            self.flame_out.observe(beyond, violation, self.limits.flame_out.action, found);
+            self.flame_out.observe(beyond, violation, limits.flame_out.action, found);
         }
     }
 
@@ -254,7 +249,7 @@ impl LimitMonitor {
         &mut self,
         now: Instant,
         rpm: Timed<Rpm>,
-        limit: u32,
+        (limit, action): (u32, Action),
         found: &mut dyn FnMut(LimitViolation),
     ) {
         let change = |before: Timed<Rpm>| {
@@ -270,7 +265,7 @@ impl LimitMonitor {
         };
         let change = change(before);
         let violation = LimitViolation::new(LimitKind::Implausible, change, limit, now);
-        self.implausible.observe(change > limit, violation, self.limits.implausible.action, found);
+        self.implausible.observe(change > limit, violation, action, found);
         if change <= limit || self.implausible.beyond.reached(AGREEING) {
             self.plausible = Some(rpm);
         }
@@ -278,23 +273,24 @@ impl LimitMonitor {
 
     fn observe_egt(
         &mut self,
+        limits: &Limits,
         now: Instant,
         egt: Timed<Celsius>,
         phase: Option<Phase>,
         found: &mut dyn FnMut(LimitViolation),
     ) {
         let value = egt.value.tenths();
-        if let Some(limit) = self.limits.over_temperature.at {
+        if let Some(limit) = limits.over_temperature.at {
             let violation = LimitViolation {
                 kind: LimitKind::OverTemperature,
                 value: value.into(),
                 limit: limit.tenths().into(),
                 at: now,
             };
-            let action = self.limits.over_temperature.action;
+            let action = limits.over_temperature.action;
             self.over_temperature.observe(egt.value > limit, violation, action, found);
         }
-        if let Some(limit) = self.limits.hot_start.at {
+        if let Some(limit) = limits.hot_start.at {
             let before = self
                 .history
                 .iter()
@@ -308,7 +304,7 @@ impl LimitMonitor {
             let beyond = phase == Some(Phase::Starting) && rise > i64::from(limit);
             let value = i32::try_from(rise).unwrap_or(i32::MAX);
             let violation = LimitViolation { kind: LimitKind::HotStart, value, limit: limit.into(), at: now };
-            self.hot_start.observe(beyond, violation, self.limits.hot_start.action, found);
+            self.hot_start.observe(beyond, violation, limits.hot_start.action, found);
         }
     }
 

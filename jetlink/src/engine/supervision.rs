@@ -150,7 +150,8 @@ impl Engine {
         };
         let supply = self.supply();
         let (events, dropped) = (&mut self.events, &mut self.events_dropped);
-        self.limits.observe(now, &self.link.status().report, supply, lowered, &mut |violation| {
+        let (limits, report) = (&self.config.limits, &self.link.status().report);
+        self.limits.observe(limits, now, report, supply, lowered, &mut |violation| {
             queue(events, dropped, Event::Limit(violation));
         });
         let not_obeyed = !self.obeys(now);
