@@ -46,7 +46,7 @@ macro_rules! open_enum {
         crate::sentence::sentences!($name {
             $( Self::$variant => $text; )+
         } {
-            Self::Unknown(code) => "unknown code {}", u32::from(code);
+            Self::Unknown(code) => "unknown code {}", crate::units::Whole(code.into());
         });
     };
 }

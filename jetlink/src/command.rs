@@ -3,7 +3,7 @@
 use crate::ecu::Service;
 use crate::limit::LimitKind;
 use crate::sentence::{names, sentences};
-use crate::units::{Celsius, Millivolts, Rpm, Signed, Throttle};
+use crate::units::{Celsius, Millivolts, Rpm, Signed, Throttle, Whole};
 
 /// Demand for a running engine.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -218,8 +218,8 @@ pub enum Interlock {
 
 sentences!(Demand {
 } {
-    Self::Throttle(throttle) => "throttle {}.{} %", u32::from(throttle.tenths()) / 10, u32::from(throttle.tenths()) % 10;
-    Self::Rpm(rpm) => "{} rpm", rpm.get();
+    Self::Throttle(throttle) => "throttle {}.{} %", Whole(u32::from(throttle.tenths()) / 10), Whole(u32::from(throttle.tenths()) % 10);
+    Self::Rpm(rpm) => "{} rpm", Whole(rpm.get());
 });
 
 sentences!(Command {
@@ -279,7 +279,7 @@ sentences!(Interlock {
     Self::OtherStarting => "wait until another engine of the group has started";
 } {
     Self::TooHot(egt) => "the exhaust is at {} °C: let it cool in standby", Signed(i32::from(egt.tenths()) / 10);
-    Self::SupplyLow(supply) => "the supply has only {} mV: charge the battery", supply.get();
+    Self::SupplyLow(supply) => "the supply has only {} mV: charge the battery", Whole(supply.get());
     Self::Limit(kind) => "a limit is violated: {}", kind;
 });
 
@@ -301,9 +301,9 @@ sentences!(Rejected {
     Self::NotYours(origin) => "the emergency stop came from {}: that source or a higher one has to release it", origin;
     Self::Start(interlock) => "{}", interlock;
     Self::Behind(active) => "{} is in control: try again when it has fallen silent", active;
-    Self::NeedsVersion { needed, known: Some(known) } => "this needs protocol version {}, the ECU has version {}", u32::from(needed), u32::from(known);
-    Self::NeedsVersion { needed, known: None } => "this needs protocol version {}, the ECU has not reported its version yet", u32::from(needed);
-    Self::AboveMaxRpm { max } => "the maximum of this engine is {} rpm: command less", max.get();
+    Self::NeedsVersion { needed, known: Some(known) } => "this needs protocol version {}, the ECU has version {}", Whole(needed.into()), Whole(known.into());
+    Self::NeedsVersion { needed, known: None } => "this needs protocol version {}, the ECU has not reported its version yet", Whole(needed.into());
+    Self::AboveMaxRpm { max } => "the maximum of this engine is {} rpm: command less", Whole(max.get());
 });
 
 impl core::error::Error for Rejected {}

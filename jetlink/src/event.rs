@@ -5,7 +5,7 @@ use crate::ecu::{Faults, Service, amt, zk};
 use crate::limit::LimitViolation;
 use crate::report::{NotSent, Phase};
 use crate::sentence::{names, sentences};
-use crate::units::Rpm;
+use crate::units::{Rpm, Verbatim, Whole};
 
 /// Event of an engine.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -142,12 +142,12 @@ sentences!(Event {
     Self::TransmitterFailed => "transmitter failed: nothing was sent for 1 s";
     Self::TransmitterWorks => "transmitter works again";
 } {
-    Self::EngineIdentified(engine) => "ECU identified the engine as {}", engine.name();
-    Self::VersionKnown(version) => "ECU reports protocol version {}", u32::from(version.get());
+    Self::EngineIdentified(engine) => "ECU identified the engine as {}", Verbatim(engine.name());
+    Self::VersionKnown(version) => "ECU reports protocol version {}", Whole(version.get().into());
     Self::Phase(phase) => "ECU reports {}", phase;
     Self::Faults(faults) => "ECU reports a fault: {}", faults;
-    Self::RateConfirmed(rate) => "ECU confirmed the status rate, {} Hz", rate.hz();
-    Self::RateNotConfirmed(rate) => "ECU did not confirm the status rate, {} Hz", rate.hz();
+    Self::RateConfirmed(rate) => "ECU confirmed the status rate, {} Hz", Whole(rate.hz());
+    Self::RateNotConfirmed(rate) => "ECU did not confirm the status rate, {} Hz", Whole(rate.hz());
     Self::ServiceSent(service) => "service command sent: {}", service;
     Self::ServiceConfirmed(service) => "service command confirmed: {}", service;
     Self::ServiceFailed(service) => "service command failed: {}", service;
@@ -159,8 +159,8 @@ sentences!(Event {
     Self::SourceLoss(stage) => "source lost: {}", stage;
     Self::ActiveSource(origin) => "{} in control", origin;
     Self::Limit(violation) => "limit violated: {}", violation;
-    Self::OtherFailed(count) => "number of other engines that failed: {}", u32::from(count);
+    Self::OtherFailed(count) => "number of other engines that failed: {}", Whole(count.into());
     Self::Resumed(demand) => "resumed after a reset, {}", demand;
     Self::RunCancelled(end) => "run cancelled: {}", end;
-    Self::Clamped(max) => "demand clamped to the maximum, {} rpm", max.get();
+    Self::Clamped(max) => "demand clamped to the maximum, {} rpm", Whole(max.get());
 });

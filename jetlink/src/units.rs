@@ -46,7 +46,45 @@ macro_rules! quantity {
     };
 }
 
-/// A number with a sign in a sentence: an image then has the code for numbers without one, which sentences need anyway, and a dash.
+/// A whole number in a sentence: the `Display` of an integer can also pad, align and show a sign, which is 0.8 kB of an image.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Whole(pub u32);
+
+#[cfg(feature = "defmt")]
+impl defmt::Format for Whole {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        defmt::write!(f, "{=u32}", self.0);
+    }
+}
+
+impl core::fmt::Display for Whole {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        use core::fmt::Write;
+        if self.0 >= 10 {
+            Self(self.0 / 10).fmt(f)?;
+        }
+        f.write_char(char::from(b'0' + (self.0 % 10) as u8))
+    }
+}
+
+/// A text in a sentence, for the same reason.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Verbatim<'a>(pub &'a str);
+
+#[cfg(feature = "defmt")]
+impl defmt::Format for Verbatim<'_> {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        defmt::write!(f, "{=str}", self.0);
+    }
+}
+
+impl core::fmt::Display for Verbatim<'_> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(self.0)
+    }
+}
+
+/// A whole number with a sign.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Signed(pub i32);
 
@@ -62,7 +100,7 @@ impl core::fmt::Display for Signed {
         if self.0 < 0 {
             f.write_str("-")?;
         }
-        self.0.unsigned_abs().fmt(f)
+        Whole(self.0.unsigned_abs()).fmt(f)
     }
 }
 

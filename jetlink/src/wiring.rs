@@ -7,7 +7,7 @@ use crate::ecu::{EcuConfig, Mistake, amt, zk};
 use crate::line::{Line, StopBits};
 use crate::sentence::sentences;
 use crate::setting::settings;
-use crate::units::BaudRate;
+use crate::units::{BaudRate, Verbatim};
 
 settings! {
     /// What an engine is wired to. Whether the wiring of all engines fits together, [`check`] finds out. The names are those of engine 1: another
@@ -147,7 +147,7 @@ impl Contradiction {
 
 sentences!(Contradiction {
 } {
-    why => "{}", why.message();
+    why => "{}", Verbatim(why.message());
 });
 
 impl core::error::Error for Contradiction {}

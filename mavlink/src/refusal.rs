@@ -3,7 +3,7 @@
 use crate::ids::Ack;
 use jetlink::command::Rejected;
 use jetlink::setting::Row;
-use jetlink::units::Signed;
+use jetlink::units::{Signed, Verbatim, Whole};
 
 /// Reason for refusing a command or a setting.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -98,7 +98,7 @@ impl core::fmt::Display for Refusal {
         match self {
             Self::Engine(why) => why.fmt(f),
             Self::NotAllowed(system) => {
-                let system = u32::from(*system);
+                let system = Whole((*system).into());
                 write!(f, "system {system} may not command here: see MAV_GCS_1, MAV_GCS_2, MAV_OWN_CMD")
             }
             Self::Malformed(what) => f.write_str(what),
@@ -131,7 +131,7 @@ impl core::fmt::Display for Refusal {
             Self::OutOfRange(row) => match row.unit.choices() {
                 Some(choices) => f.write_str(choices),
                 None => {
-                    let off = if row.may_be_off { ", or -1" } else { "" };
+                    let off = if row.may_be_off { Verbatim(", or -1") } else { Verbatim("") };
                     write!(f, "use {} to {}{off}", Signed(row.min), Signed(row.max))
                 }
             },

@@ -3,6 +3,7 @@
 
 use crate::report::{EcuState, LinkState, Phase, REPORT_MAX_AGE, Report, ReportedSwitch};
 use crate::sentence::sentences;
+use crate::units::Verbatim;
 use embassy_time::Instant;
 
 /// The reported phase, unless its report is missing or old.
@@ -118,5 +119,5 @@ sentences!(EngineState {
     Self::Service => "service";
     Self::Fault => "fault";
 } {
-    Self::Starting(state) => "starting ({})", state.name;
+    Self::Starting(state) => "starting ({})", Verbatim(state.name);
 });

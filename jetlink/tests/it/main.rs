@@ -20,6 +20,7 @@ mod reading_points;
 mod runner_watch;
 mod supervision;
 mod support;
+mod units;
 mod vectors;
 mod wiring;
 mod zk_link;

@@ -15,6 +15,7 @@ use crate::servo::throttle;
 use crate::settings::DemandSource;
 use crate::vehicle::{Arming, VehicleEvent};
 use embassy_time::Instant;
+use jetlink::units::{Verbatim, Whole};
 use mavlink_core::MessageData;
 
 impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
@@ -36,7 +37,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
             self.set_up_signing(now, port, from, target, fields);
             #[cfg(not(feature = "signing"))]
             if self.addressed(now, port, target, Kind::Acts) == Some(Place::Node) {
-                let text = "no signing here: keep strangers off the link";
+                let text = Verbatim("no signing here: keep strangers off the link");
                 self.say(now, Place::Node, Severity::Warning, Some(port), format_args!("{text}"));
             }
             return;
@@ -136,7 +137,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         match event {
             Some(VehicleEvent::Learnt(id)) => {
                 let when = if self.vehicle.id() == Some(id) { "" } else { " from the next start" };
-                let text = format_args!("autopilot is system {}{when}", u32::from(id));
+                let text = format_args!("autopilot is system {}{}", Whole(id.into()), Verbatim(when));
                 self.say(now, Place::Node, Severity::Info, None, text);
                 self.store_learnt(id);
             }
@@ -144,7 +145,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
                 // The node has no id while it learns: whoever looks at one of both has to see it.
                 for system in [one, other] {
                     self.speaks_as = Some(system);
-                    let (one, other) = (u32::from(one), u32::from(other));
+                    let (one, other) = (Whole(one.into()), Whole(other.into()));
                     let text = format_args!("two autopilots, systems {one} and {other}: set MAV_SYSID");
                     self.say(now, Place::Node, Severity::Error, None, text);
                 }

@@ -12,6 +12,7 @@ use crate::settings::{LEARNT, Name, Parameter, Table, find_row};
 use crate::store::NotSaved;
 use embassy_time::Instant;
 use jetlink::setting::Effect;
+use jetlink::units::Verbatim;
 use jetlink::wiring::{Contradiction, Wiring};
 
 /// Heartbeats, one a second, between two texts that something is wrong with the settings.
@@ -48,14 +49,14 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         }
         self.until_text = TEXT_EVERY - 1;
         if self.has_to_be_confirmed() {
-            let text = match self.are_retained {
+            let text = Verbatim(match self.are_retained {
                 true => "stored settings DAMAGED: confirm the current ones over USB",
                 false => "settings DAMAGED: only stops are obeyed",
-            };
+            });
             self.say(now, Place::Node, Severity::Critical, None, format_args!("{text}"));
         }
         if let Some((engine, why)) = self.contradiction {
-            let what = format_args!("wiring as in the image, not as stored: {}", why.message());
+            let what = format_args!("wiring as in the image, not as stored: {}", Verbatim(why.message()));
             self.say(now, Place::Engine(engine), Severity::Error, None, what);
         }
     }
@@ -229,7 +230,8 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             if let Err(why) = result
                 && self.cover.says(why)
             {
-                let text = "signing is not stored: a loss of power restores the previous key and time";
+                let text =
+                    Verbatim("signing is not stored: a loss of power restores the previous key and time");
                 self.say(now, Place::Node, Severity::Warning, None, format_args!("{text}"));
             }
             return;
@@ -279,7 +281,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
                         }
                         _ => None,
                     };
-                    if let Some(when) = when {
+                    if let Some(when) = when.map(Verbatim) {
                         self.say(now, place, Severity::Notice, Some(port), format_args!("{name} {when}"));
                     }
                 }

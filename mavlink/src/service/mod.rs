@@ -37,6 +37,7 @@ use heapless::{Deque, Vec};
 use jetlink::command::Command;
 use jetlink::command::Order;
 use jetlink::config::EngineConfig;
+use jetlink::units::Verbatim;
 use jetlink::wiring::{Contradiction, Wiring};
 
 /// Time in which an autopilot is received, if there is one.
@@ -486,7 +487,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         what: core::fmt::Arguments<'_>,
     ) {
         let text = match place.engine().and_then(|engine| self.engines.get(engine)) {
-            Some(engine) => text(format_args!("{}: {what}", engine.name())),
+            Some(engine) => text(format_args!("{}: {what}", Verbatim(engine.name()))),
             None => text(what),
         };
         self.text_id = self.text_id.checked_add(1).unwrap_or(1);

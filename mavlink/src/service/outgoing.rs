@@ -14,6 +14,7 @@ use crate::settings::DemandSource;
 use crate::text::severity;
 use embassy_sync::pubsub::WaitResult;
 use embassy_time::{Duration, Instant};
+use jetlink::units::{Verbatim, Whole};
 use mavlink_core::types::CharArray;
 
 /// Bytes of a heartbeat that is not signed.
@@ -51,7 +52,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         while let Some(change) = self.attached.next_change() {
             changed = true;
             let severity = if change.alarming { Severity::Critical } else { Severity::Notice };
-            let what = format_args!("{}: {}", change.what, change.why);
+            let what = format_args!("{}: {}", Verbatim(change.what), Verbatim(change.why));
             self.say(now, Place::Engine(change.engine), severity, None, what);
         }
         let has_outputs = self.attached.has_outputs();
@@ -102,11 +103,13 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     }
 
     pub(super) fn report_lost_texts(&mut self, now: Instant) {
-        if let Some(lost) = self.node_texts.take_lost(now) {
+        if let Some(lost) = self.node_texts.take_lost(now).map(Whole) {
             self.say(now, Place::Node, Severity::Notice, None, format_args!("{lost} texts were lost"));
         }
         for place in 0..self.texts.len() {
-            if let Some(lost) = self.texts.get_mut(place).and_then(|limiter| limiter.take_lost(now)) {
+            if let Some(lost) =
+                self.texts.get_mut(place).and_then(|limiter| limiter.take_lost(now)).map(Whole)
+            {
                 self.say(
                     now,
                     Place::Engine(place),

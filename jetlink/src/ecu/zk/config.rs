@@ -5,6 +5,7 @@ use crate::ecu::vendor::VendorService;
 use crate::line::{Line, Timing};
 use crate::sentence::sentences;
 use crate::setting::settings;
+use crate::units::Whole;
 use embassy_time::Duration;
 
 settings! {
@@ -111,5 +112,5 @@ sentences!(Service {
     Self::IgnitionPump(_) => "ignition pump voltage";
     Self::Curve(_) => "acceleration curve";
 } {
-    Self::Action(action) => "action {}", u32::from(action.code());
+    Self::Action(action) => "action {}", Whole(action.code().into());
 });
