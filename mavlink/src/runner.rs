@@ -189,8 +189,9 @@ impl<'a, const N: usize, const P: usize, A: Attached> Runner<'a, N, P, A> {
                         Some(place) => self.service.borrow().record(place),
                         None => self.service.borrow_mut().next_save(),
                     };
-                    match next {
-                        Some((key, record)) => store.save(key, &record).await,
+                    // By reference: moved out, the record would have a second place in the state.
+                    match &next {
+                        Some((key, record)) => store.save(*key, record).await,
                         None if place.is_some() => Ok(()),
                         None => {
                             self.to_save.wait().await;

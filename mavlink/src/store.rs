@@ -25,7 +25,7 @@ use embedded_storage_async::nor_flash::{
 use heapless::Vec;
 use jetlink::checksum::Checksum;
 use sequential_storage::cache::{Cache, Uncached};
-use sequential_storage::map::{MapConfig, MapStorage};
+use sequential_storage::map::{MapConfig, MapStorage, SerializationError, Value};
 
 /// Largest record.
 pub const RECORD: usize = 256;
@@ -194,6 +194,34 @@ impl<F: Flash> NorFlash for Guard<'_, F> {
     }
 }
 
+/// A record behind its head, which the map puts together where it writes them.
+struct Item<'a> {
+    sequence: u32,
+    digest: u32,
+    record: &'a [u8],
+}
+
+impl<'a> Value<'a> for Item<'a> {
+    fn serialize_into(&self, buffer: &mut [u8]) -> Result<usize, SerializationError> {
+        let parts = [&self.sequence.to_le_bytes()[..], &self.digest.to_le_bytes(), self.record];
+        let mut left = buffer;
+        for part in parts {
+            let (slot, rest) =
+                left.split_at_mut_checked(part.len()).ok_or(SerializationError::BufferTooSmall)?;
+            slot.copy_from_slice(part);
+            left = rest;
+        }
+        Ok(HEAD + self.record.len())
+    }
+
+    fn deserialize_from(buffer: &'a [u8]) -> Result<(Self, usize), SerializationError> {
+        let (&[s0, s1, s2, s3, d0, d1, d2, d3], record) =
+            buffer.split_first_chunk().ok_or(SerializationError::InvalidData)?;
+        let (sequence, digest) = (u32::from_le_bytes([s0, s1, s2, s3]), u32::from_le_bytes([d0, d1, d2, d3]));
+        Ok((Self { sequence, digest, record }, buffer.len()))
+    }
+}
+
 type Map<'a, F> = MapStorage<u8, Guard<'a, F>, Cache<Uncached, Uncached, Uncached, u8>>;
 
 /// One newest record.
@@ -359,16 +387,11 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         let mut buffer = [0; BUFFER];
         if let Ok(mut records) = self.map.fetch_all_items(&mut buffer).await {
             while let Ok(Some((key, bytes))) = records.next::<&[u8]>(&mut buffer).await {
-                let Some((&[s0, s1, s2, s3, d0, d1, d2, d3], record)) = bytes.split_first_chunk() else {
+                // What is too short is somebody else's.
+                let Ok((Item { sequence, digest, record }, _)) = Item::deserialize_from(bytes) else {
                     continue;
                 };
-                let found = Newest {
-                    key,
-                    sequence: u32::from_le_bytes([s0, s1, s2, s3]),
-                    digest: u32::from_le_bytes([d0, d1, d2, d3]),
-                    own: own_digest(key, record),
-                };
-                each(found, record);
+                each(Newest { key, sequence, digest, own: own_digest(key, record) }, record);
             }
         }
         self.map.flash().only = None;
@@ -405,15 +428,10 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         if (!fits || dirty) && !at_rest {
             return Err(NotSaved::Full);
         }
-        // In a block, so that its buffers and those of a survey are not there at once.
+        // In a block, so that its buffer and those of a survey are not there at once.
         let stored = {
-            let mut bytes: Vec<u8, { HEAD + RECORD }> = Vec::new();
-            for part in [&sequence.to_le_bytes()[..], &digest.to_le_bytes(), record] {
-                // There is space.
-                let _ = bytes.extend_from_slice(part);
-            }
             let mut buffer = [0; BUFFER];
-            self.map.store_item(&mut buffer, &key, &bytes.as_slice()).await
+            self.map.store_item(&mut buffer, &key, &Item { sequence, digest, record }).await
         };
         if stored.is_ok() && fits {
             let newest = Newest { key, sequence, digest, own };
