@@ -6,7 +6,8 @@ use crate::radio::Radio;
 use core::array::from_fn;
 use jetlink_fw::config::{ENGINES, OUTPUTS, RADIO};
 use jetlink_mavlink::attached::{Attached, Nothing};
-use jetlink_rc::parameters::{Parameters, apply};
+use jetlink_mavlink::retained_settings::AttachedDefaults;
+use jetlink_rc::parameters::{Parameters, apply, rows};
 use jetlink_rc::settings::{EngineSettings, OutputSettings};
 
 /// Number of engines of this node.
@@ -49,6 +50,17 @@ impl Settings {
     pub fn apply(&mut self, engine: usize, record: &[u8]) {
         apply(self.radio.get_mut(engine), self.outputs.get_mut(engine), record);
     }
+}
+
+/// Those of this image.
+pub const DEFAULTS: AttachedDefaults =
+    AttachedDefaults { rows: rows(RADIO.is_some(), OUTPUTS.is_some()), number: default };
+
+/// The value of one of them in this image.
+fn default(engine: usize, name: &str) -> Option<i32> {
+    static IMAGE: Settings = Settings::new();
+    let radio = IMAGE.radio.get(engine).and_then(|settings| settings.number(name));
+    radio.or_else(|| IMAGE.outputs.get(engine)?.number(name))
 }
 
 /// What the service is given.

@@ -40,8 +40,14 @@ const NODE: NodeSettings = NodeSettings {
 };
 
 /// Settings of this image.
-static DEFAULTS: Defaults<'static> =
-    Defaults { node: &NODE, engines: &ENGINES, own: &MAVLINK_ENGINES, wiring: &wiring::IMAGE, room: BYTES };
+static DEFAULTS: Defaults<'static> = Defaults {
+    node: &NODE,
+    engines: &ENGINES,
+    own: &MAVLINK_ENGINES,
+    wiring: &wiring::IMAGE,
+    attached: attached::DEFAULTS,
+    room: BYTES,
+};
 
 /// Ports of the service: the telemetry port, and USB with its feature.
 const PORTS: usize = 1 + cfg!(feature = "usb") as usize;

@@ -1,11 +1,12 @@
 //! Settings in RAM that survives a reset, for a node that finds its stored settings damaged then. Only those that differ from the image's.
 
-use crate::record::{Record, of_engine, of_node};
+use crate::record::{Record, of_attached, of_engine, of_node};
 use crate::settings::{EngineSettings, NodeSettings};
 use core::sync::atomic::{AtomicU8, Ordering};
 use heapless::Vec;
 use jetlink::checksum::Checksum;
 use jetlink::config::EngineConfig;
+use jetlink::setting::Row;
 use jetlink::wiring::Wiring;
 
 /// The checksum is in front.
@@ -22,8 +23,24 @@ pub struct Defaults<'a> {
     pub own: &'a [EngineSettings],
     /// Wiring of the engines.
     pub wiring: &'a [Wiring],
+    /// Of what is attached.
+    pub attached: AttachedDefaults,
     /// Bytes of the memory that retains what differs.
     pub room: usize,
+}
+
+/// What the settings of an image are without a change, of what is attached.
+#[derive(Clone, Copy, Debug)]
+pub struct AttachedDefaults {
+    /// Its tables of settings.
+    pub rows: &'static [&'static [Row]],
+    /// The value of a name, for an engine from 0.
+    pub number: fn(usize, &str) -> Option<i32>,
+}
+
+impl AttachedDefaults {
+    /// Nothing is attached.
+    pub const NONE: Self = Self { rows: &[], number: |_, _| None };
 }
 
 impl<'a> Defaults<'a> {
@@ -37,9 +54,16 @@ impl<'a> Defaults<'a> {
 #[inline(never)]
 pub fn fingerprint(defaults: &Defaults<'_>) -> u32 {
     let node = Checksum::new().bytes(&of_node(defaults.node, None, &[], &[]));
-    let engines = (0..)
-        .map_while(|engine| defaults.of_engine(engine))
-        .fold(node, |sum, (config, own)| sum.bytes(&of_engine(config, own, None)));
+    let AttachedDefaults { rows, number } = defaults.attached;
+    let mut engines = node;
+    for engine in 0..defaults.engines.len() {
+        if let Some((config, own)) = defaults.of_engine(engine) {
+            engines = engines.bytes(&of_engine(config, own, None));
+        }
+        if !rows.is_empty() {
+            engines = engines.bytes(&of_attached(rows, &|name| number(engine, name)));
+        }
+    }
     defaults.wiring.iter().fold(engines, |sum, wiring| sum.words(&[wiring.packed()])).value()
 }
 
@@ -142,7 +166,14 @@ mod tests {
     }
 
     const fn defaults(engines: &[EngineConfig]) -> Defaults<'_> {
-        Defaults { node: &NodeSettings::DEFAULT, engines, own: &[], wiring: &[], room: 64 }
+        Defaults {
+            node: &NodeSettings::DEFAULT,
+            engines,
+            own: &[],
+            wiring: &[],
+            attached: AttachedDefaults::NONE,
+            room: 64,
+        }
     }
 
     fn store<const BYTES: usize>(memory: &SettingsMemory<BYTES>, output: u8) -> bool {

@@ -169,7 +169,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         1 + self.engines.len() * (1 + usize::from(!self.attached.rows().is_empty()))
     }
 
-    /// All settings that differ from these, as records, and all of what is attached.
+    /// All settings that differ from these, as records.
     pub fn changes(&self, defaults: &Defaults<'_>) -> impl Iterator<Item = (u8, Record)> {
         (0..self.places_of_settings()).filter_map(move |place| self.record_of(place, Some(defaults)))
     }
@@ -209,7 +209,10 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         }
         let engine = engine.checked_sub(self.engines.len()).filter(|_| place < self.places_of_settings())?;
         let attached = &self.attached;
-        let record = record::of_attached(attached.rows(), &|name| attached.number(engine, name));
+        let default = |name: &str| defaults.and_then(|defaults| (defaults.attached.number)(engine, name));
+        let changed =
+            |name: &str| attached.number(engine, name).filter(|value| default(name) != Some(*value));
+        let record = record::of_attached(attached.rows(), &changed);
         Some((record::attached_key(engine)?, record))
     }
 

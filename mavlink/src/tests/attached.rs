@@ -6,8 +6,10 @@ use crate::dialect::*;
 use crate::ids::{CMD_REQUEST_MESSAGE, CMD_SET_MESSAGE_INTERVAL};
 use crate::record;
 use crate::refusal::Refusal;
+use crate::retained_settings::{AttachedDefaults, Defaults, fingerprint};
 use crate::service::Keeping;
 use crate::service::parameters::engine_parameters;
+use crate::settings::NodeSettings;
 use crate::store::NotSaved;
 use embassy_time::Instant;
 use jetlink::setting::{Effect, Row, Unit};
@@ -207,6 +209,37 @@ fn settings_of_what_is_attached_are_set_refused_and_stored_as_records_of_their_o
         assert_eq!(keys, [0, 1, 2, 0x81, 0x82].into_iter().chain(signing).collect::<Vec<u8>>());
         let (_, of_engine) = service.record(2).unwrap();
         assert_eq!(record::read_attached(ROWS, &of_engine).count(), 0);
+    });
+}
+
+/// RAM that survives a reset has space for some changes, and not for all settings of every engine.
+#[test]
+fn of_what_is_attached_too_only_what_differs_from_the_image_is_retained() {
+    run(async |world| {
+        world.ready().await;
+        world.toy.on.set(true);
+        let engines: Vec<_> = world.service.borrow().engine_settings().map(|(config, _)| *config).collect();
+        let of_image = |number| {
+            let attached = AttachedDefaults { rows: ROWS, number };
+            let node = &NodeSettings::DEFAULT;
+            Defaults { node, engines: &engines, own: &[], wiring: &[], attached, room: 64 }
+        };
+        let zero = of_image(|_, _| Some(0));
+        let attached = || -> Vec<_> {
+            let service = world.service.borrow();
+            service.changes(&zero).filter(|(key, _)| record::engine_of_attached(*key).is_some()).collect()
+        };
+        assert!(attached().iter().all(|(_, record)| record.len() == 1), "nothing but the kind");
+        assert_eq!(world.set(ENGINE[1], "TOY_B", 5.0).await.0, Some(5.0));
+        let lengths: Vec<_> = attached().iter().map(|(key, record)| (*key, record.len())).collect();
+        assert_eq!(lengths, [(0x81, 1), (0x82, 1 + 6)]);
+        let read: Vec<_> = record::read_attached(ROWS, &attached()[1].1).collect();
+        assert_eq!(read, [("TOY_B", 5)]);
+        // What is stored is whole, so that it does not change with the image. In another image the changes are other ones.
+        let (_, stored) = world.service.borrow().record(4).unwrap();
+        assert_eq!(record::read_attached(ROWS, &stored).count(), 3);
+        let other = of_image(|engine, name| Some(i32::from(engine == 1 && name == "TOY_C")));
+        assert_ne!(fingerprint(&zero), fingerprint(&other));
     });
 }
 

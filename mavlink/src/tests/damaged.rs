@@ -10,7 +10,7 @@ use crate::frame::Address;
 use crate::frame::encode;
 use crate::ids::*;
 use crate::port::PortConfig;
-use crate::retained_settings::Defaults;
+use crate::retained_settings::{AttachedDefaults, Defaults};
 #[cfg(feature = "signing")]
 use crate::runner::Runner;
 #[cfg(feature = "signing")]
@@ -248,8 +248,9 @@ fn settings_that_ram_has_retained_count_as_before() {
         let engines: Vec<_> = world.service.borrow().engine_settings().map(|(config, _)| *config).collect();
         assert_eq!(world.set(ENGINE[1], "LOSS_HOLD", 500.0).await.0, Some(500.0));
         // Of the second engine this, and its output, which is 4 in this world.
-        let defaults =
-            Defaults { node: &NodeSettings::DEFAULT, engines: &engines, own: &[], wiring: &[], room: 64 };
+        let attached = AttachedDefaults::NONE;
+        let node = &NodeSettings::DEFAULT;
+        let defaults = Defaults { node, engines: &engines, own: &[], wiring: &[], attached, room: 64 };
         let keys: Vec<_> = {
             let service = world.service.borrow();
             service.changes(&defaults).map(|(key, record)| (key, record.len() / 6)).collect()

@@ -3,7 +3,7 @@
 use super::world::*;
 use crate::dialect::*;
 use crate::port::PortConfig;
-use crate::retained_settings::Defaults;
+use crate::retained_settings::{AttachedDefaults, Defaults};
 use crate::service::Keeping;
 use crate::service::parameters::{engine_parameters, node_parameters};
 use crate::settings::EngineSettings;
@@ -218,8 +218,14 @@ fn what_moves_an_engine_is_refused_while_one_turns() {
 /// A board that stores nothing has RAM for a limited number of changes. One more is refused; another value of an earlier one is not.
 #[test]
 fn a_change_that_ram_cannot_retain_is_refused_where_nothing_is_stored() {
-    const NONE: Defaults<'static> =
-        Defaults { node: &NodeSettings::DEFAULT, engines: &[], own: &[], wiring: &[], room: 0 };
+    const NONE: Defaults<'static> = Defaults {
+        node: &NodeSettings::DEFAULT,
+        engines: &[],
+        own: &[],
+        wiring: &[],
+        attached: AttachedDefaults::NONE,
+        room: 0,
+    };
     run(async |world| {
         world.ready().await;
         let keep = |keeping| {
