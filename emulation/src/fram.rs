@@ -72,6 +72,12 @@ impl Fram {
         self
     }
 
+    /// The same chip with these bytes from its beginning on.
+    pub fn holding(mut self, bytes: &[u8]) -> Self {
+        self.memory[..bytes.len()].copy_from_slice(bytes);
+        self
+    }
+
     /// The same chip with all blocks protected.
     pub fn protected(self) -> Self {
         Self { status: BP, ..self }

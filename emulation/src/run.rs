@@ -228,9 +228,14 @@ impl Run {
     }
 
     /// Runs forever in real time with the log on the terminal.
-    pub fn live(mut self) {
+    pub fn live(self) {
+        self.live_until(Nanos::MAX / 4);
+    }
+
+    /// Runs until this time in real time with the log on the terminal.
+    pub fn live_until(mut self, until: Nanos) {
         self.live = true;
-        self.until = Nanos::MAX / 4;
+        self.until = until;
         self.wires.values_mut().for_each(Wire::forget);
         self.emulate();
     }

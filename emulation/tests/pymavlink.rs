@@ -1,5 +1,6 @@
-//! MAVLink of the release image against pymavlink, an implementation from elsewhere: `cargo emu-run` in real time, and
-//! `host/tests/mavlink/board.py` at the telemetry UART's TCP port.
+//! MAVLink of the images against pymavlink, an implementation from elsewhere: in real time, with a script of `host/tests/mavlink` at the
+//! telemetry UART's TCP port. `board.py` flies the release image by `cargo emu-run`; `board_signing.py` an image with signing, whose
+//! key is in its F-RAM.
 #![cfg(unix)]
 
 #[path = "../../host/tests/support/process.rs"]
@@ -7,29 +8,51 @@ mod process;
 #[path = "../../host/tests/support/python.rs"]
 mod python;
 
+use emulation::{Fram, Image, PIXRACER, Run};
 use process::Running;
 use python::{PYMAVLINK, python};
+use rigless::chip::uart::TcpPeer;
+use sim::ecu::SECOND;
 use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../host/tests/mavlink/board.py");
+/// The environment's interpreter. `None` says why there is none, and fails in CI.
+fn interpreter() -> Option<PathBuf> {
+    match python() {
+        Ok(python) => Some(python),
+        Err(why) => {
+            assert!(std::env::var_os("CI").is_none(), "{why}");
+            eprintln!("NOT RUN: the emulated board against {PYMAVLINK}: {why}");
+            None
+        }
+    }
+}
+
+/// A port that nobody uses at the moment.
+fn free_port() -> u16 {
+    let port = std::net::TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr());
+    port.expect("a port").port()
+}
+
+/// Plays a script to its good end.
+fn play(python: PathBuf, script: &str, port: u16) {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../host/tests/mavlink").join(script);
+    let output = Command::new(python).arg(script).arg(port.to_string()).output().expect("python starts");
+    let text = String::from_utf8_lossy(&output.stdout);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && text.contains("all as the documents have it"), "{text}{errors}");
+    assert!(!errors.contains("Exception"), "{errors}");
+    println!("{text}");
+}
 
 #[test]
 #[ignore = "1.5 minutes in real time, and installs pymavlink with pip: cargo emu -- --ignored"]
 fn another_implementation_flies_an_emulated_board() {
-    let python = match python() {
-        Ok(python) => python,
-        Err(why) => {
-            assert!(std::env::var_os("CI").is_none(), "{why}");
-            eprintln!("NOT RUN: the emulated board against {PYMAVLINK}: {why}");
-            return;
-        }
-    };
-    // A port that nobody uses at the moment.
-    let port = std::net::TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr());
-    let port = port.expect("a port").port().to_string();
+    let Some(python) = interpreter() else { return };
+    let port = free_port();
     let mut board = Command::new(env!("CARGO_BIN_EXE_emu"))
-        .args(["emu-run", "matek-h743", "--tcp", &port])
+        .args(["emu-run", "matek-h743", "--tcp", &port.to_string()])
         .stdout(Stdio::piped())
         .spawn()
         .expect("it starts");
@@ -38,10 +61,27 @@ fn another_implementation_flies_an_emulated_board() {
     log.find(|line| line.contains("the telemetry UART: 127.0.0.1:")).expect("it listens");
     // What nobody reads would stop it.
     std::thread::spawn(move || log.for_each(drop));
-    let output = Command::new(python).arg(SCRIPT).arg(&port).output().expect("python starts");
-    let text = String::from_utf8_lossy(&output.stdout);
-    let errors = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success() && text.contains("all as the documents have it"), "{text}{errors}");
-    assert!(!errors.contains("Exception"), "{errors}");
-    println!("{text}");
+    play(python, "board.py", port);
+}
+
+/// The F-RAM of a board whose key was set over USB, as the store keeps it: a test of mavlink/ writes it.
+fn fram_with_key() -> Fram {
+    let digits: Vec<_> = include_str!("signing-key.hex").bytes().filter(u8::is_ascii_hexdigit).collect();
+    let byte = |pair: &[u8]| {
+        let digit = |at: usize| char::from(pair[at]).to_digit(16).expect("a digit") as u8;
+        digit(0) << 4 | digit(1)
+    };
+    Fram::fm25v01a().holding(&digits.chunks(2).map(byte).collect::<Vec<_>>())
+}
+
+/// No emulator has a USB controller, over which a key is set: the setting of a key is not shown here.
+#[test]
+#[ignore = "1 minute in real time, and installs pymavlink with pip: cargo emu -- --ignored"]
+fn an_emulated_board_with_a_key_obeys_what_is_signed_with_it_once_and_nothing_else() {
+    let Some(python) = interpreter() else { return };
+    let port = free_port();
+    let peer = TcpPeer::listen(port).expect("it listens");
+    let run = Run::new(&PIXRACER, Image::Usb).engines().fram(Some(fram_with_key()));
+    std::thread::spawn(move || run.tcp(PIXRACER.telemetry.name, peer).live_until(300 * SECOND));
+    play(python, "board_signing.py", port);
 }

@@ -4,7 +4,7 @@ the telemetry UART, which carries both. In real time; the engine flown is the fi
 import sys
 
 from peers import *
-from pilot import RUNNING, STANDBY, emergency, parameters, refusals
+from pilot import RUNNING, STANDBY, cancelled, emergency, parameters, refusals
 
 CENTRE, BOOSTER = 28, 29
 COMPONENTS = (NODE, LEFT, RIGHT, CENTRE, BOOSTER)
@@ -21,6 +21,13 @@ class Line(Ground):
         super().__init__(port)
         self.repeat(1, self._beat)
         self.repeat(0.04, self._outputs)
+
+    def sign(self, key, stamp):
+        super().sign(key, stamp)
+        with self.lock:
+            self.autopilot.signing.secret_key = key
+            self.autopilot.signing.sign_outgoing = key is not None
+            self.autopilot.signing.timestamp = stamp
 
     def _send(self, message):
         with self.lock:
@@ -93,7 +100,8 @@ def main():
     restart(line)
     refusals(line, line, LEFT)
     flight(line)
-    emergency(line, BOOSTER, CENTRE)
+    cancelled(line, CENTRE)
+    emergency(line, BOOSTER, RIGHT)
     # A node that restarts cuts the frame that it was sending.
     damaged = line.since(0, "BAD_DATA")
     assert len(damaged) <= 1, damaged

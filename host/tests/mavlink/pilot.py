@@ -131,7 +131,13 @@ def record(ground, mark):
 
 def cancelled(ground, engine):
     """A start is cancelled: a stop, and its repeat starts nothing."""
-    until("at rest", 400, lambda: ground.state(engine) == STANDBY and ground.last("EFI_STATUS", engine).rpm < 500)
+
+    def at_rest():
+        # An autopilot's port has the EFI_STATUS of one engine only.
+        efi = ground.last("EFI_STATUS", engine)
+        return ground.state(engine) == STANDBY and not (efi and efi.rpm >= 500)
+
+    until("at rest", 400, at_rest)
     wait(6)
     answer, text = ground.command(engine, START, 1)
     assert answer == ACCEPTED and "refused" not in text, (answer, text)

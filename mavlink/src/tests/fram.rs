@@ -295,3 +295,33 @@ fn somebody_elses_data_is_overwritten_by_a_save_at_rest_only() {
     let (_, found, records) = load(store.into_flash().into_device(), &at_rest);
     assert_eq!((found, records), (Found::Whole, Records::from([(0, b"mine".to_vec())])));
 }
+
+/// The emulated boards have no USB, and so no way to set a key: one of them finds this one in its F-RAM (emulation/tests/pymavlink.rs).
+/// `JETLINK_WRITE=1` writes it.
+#[test]
+#[cfg(feature = "signing")]
+fn emulated_board_has_a_key_as_the_store_keeps_one() {
+    use crate::signing::{Key, Stamp};
+    use std::string::String;
+    let at_rest = AtRest::new();
+    at_rest.set(true);
+    let mut mock = Mock::new(CHIPS[1]);
+    mock.memory.fill(0xFF);
+    let (mut store, ..) = load(mock, &at_rest);
+    let key = Key::new(core::array::from_fn(|i| i as u8 + 1));
+    let stamp = Stamp::new(36_500_000_000_000).unwrap();
+    let record = crate::record::of_signing(key.as_ref(), stamp);
+    block_on(store.save(crate::record::SIGNING_KEY, &record)).unwrap();
+    let memory = store.into_flash().into_device().memory;
+    let end = memory.iter().rposition(|&byte| byte != 0xFF).unwrap() + 1;
+    let lines = memory[..end].chunks(32).map(|line| {
+        let digits = line.iter().map(|byte| std::format!("{byte:02x}"));
+        digits.collect::<String>() + "\n"
+    });
+    let text: String = lines.collect();
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../emulation/tests/signing-key.hex");
+    if std::env::var_os("JETLINK_WRITE").is_some() {
+        std::fs::write(path, &text).unwrap();
+    }
+    assert_eq!(std::fs::read_to_string(path).unwrap(), text);
+}
