@@ -153,7 +153,9 @@ impl Director {
     fn resets_of_a_lost_source(&self, rng: &mut Rng) -> Vec<Step> {
         let last = self.rules.standby_after.unwrap_or(10 * SECOND);
         let runs = rng.between(420, 720) * MS;
-        let count = ((last + 4 * SECOND) / (runs + 80 * MS)).min(24);
+        // An AMT engine does not outlive many of them.
+        let most = if self.is_amt() { 8 } else { 24 };
+        let count = ((last + 4 * SECOND) / (runs + 80 * MS)).min(most);
         let resets = (0..count).flat_map(|_| [Step::Reset(Cause::Watchdog, 20 * MS), Step::Wait(runs)]);
         let begins = vec![
             silent(self.main),

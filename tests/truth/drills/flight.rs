@@ -19,6 +19,10 @@ impl Director {
         if self.in_a_group && rng.percent(15) {
             return ("the share is changed", self.shares(rng));
         }
+        if self.rules.limit_jump.is_some() && rng.percent(25) {
+            let slow = fault(Fault::OddFrame(Odd::SlowShaft), MS);
+            return ("a jump of the speed", vec![slow, slow, Step::Wait(12 * SECOND)]);
+        }
         if rng.percent(35) {
             return self.combined(rng);
         }
