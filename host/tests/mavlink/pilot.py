@@ -111,6 +111,8 @@ def flight(ground, plane):
 
 def flight_of_the_other(ground, plane):
     """The AMT engine, whose protocol is another."""
+    # Until the stream is at idle.
+    wait(5)
     answer, text = ground.command(LEFT, START, 1)
     assert answer == ACCEPTED and "refused" not in text, (answer, text)
     until("running", 120, lambda: ground.state(LEFT) == RUNNING)
