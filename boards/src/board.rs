@@ -110,8 +110,8 @@ pub(crate) const STM32H743ZI: Chip =
 /// STM32F427: 2 MiB of flash, 192 KiB of SRAM (SRAM1 to SRAM3) in one piece.
 ///
 /// Not used: CCM 64K at 0x10000000 (no DMA reaches it). `retained` is where bootloaders have nothing: ArduPilot's begins at the
-/// start of the SRAM and needs a few KiB; PX4's has its stack at the top, of 128 KiB or of all; so the last 7 KiB are left
-/// free, too.
+/// start of the SRAM and needs a few KiB; PX4's has its stack at the top, of 128 KiB or of all; so the last 7 KiB are also
+/// left free.
 pub(crate) const STM32F427VI: Chip = Chip {
     name: "STM32F427",
     feature: "stm32f427vi",

@@ -11,7 +11,7 @@
 //!   and the start follows a second later. After any stop that the host did not command, OPS must
 //!   leave run once before the next start.
 //! - The serial delay stop and the CTF stop are auto stops: the turbine is cooled.
-//! - CTF counts from the first CTF message while the engine is live; another OPS cancels it.
+//! - The delay of CTF begins with the first CTF message while the engine is live; another OPS cancels it.
 //! - Until the first message is accepted, the switch position is auto stop.
 //! - A reply is accepted or rejected as a whole: a late, unsolicited or malformed message is counted
 //!   and changes nothing, not even the time since the last accepted one.

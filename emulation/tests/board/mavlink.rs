@@ -424,7 +424,7 @@ pub const CHANGED: [(&str, f32); 9] = [
     ("E4_STOP", 1.0),
 ];
 
-/// Time of the restart by which it counts.
+/// Time of the restart after which it applies.
 pub const REWIRED: Nanos = 14 * SECOND;
 
 /// A ground station that sets these parameters of the node and has it restart.

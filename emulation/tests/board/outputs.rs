@@ -396,15 +396,15 @@ fn reset_in_each(mut run: Run, board: &'static Board, resets: &[(Nanos, State, K
 #[test]
 fn each_reset_in_each_state_leaves_the_valve_closed_unless_the_engine_continues() {
     on_each_board(|board| {
-        // Between two frames of both ECUs. Every 2.5 s: an engine that is found is taken over, and its record is whole, until the next.
+        // Between two frames of the AMT ECU. Every 2.5 s: an engine that is found is taken over, and its record is whole, until the next.
         let row = |from: Nanos, every: Nanos, state| {
             let times = (0..).map(move |n: Nanos| from + n * every);
             times.zip(Kind::ALL).map(move |(at, kind)| (at, state, kind))
         };
         let running = row(28_060 * MILLIS, 2500 * MILLIS, State::Running);
         let in_doubt = row(42_060 * MILLIS, 3 * SECOND, State::InDoubt);
-        let cooling = row(59_060 * MILLIS, 600 * MILLIS, State::Cooling);
-        let stopped = row(63_060 * MILLIS, 600 * MILLIS, State::StopLatched);
+        let cooling = row(59_060 * MILLIS, 625 * MILLIS, State::Cooling);
+        let stopped = row(63_060 * MILLIS, 625 * MILLIS, State::StopLatched);
         let resets: Vec<_> = running.chain(in_doubt).chain(cooling).chain(stopped).collect();
         let run = flying(board)
             .at(58 * SECOND, |bench| bench.radio().switch = Position::Standby)
@@ -420,7 +420,7 @@ fn each_reset_in_each_state_leaves_the_valve_closed_unless_the_engine_continues(
                 .at(5 * SECOND, |bench| bench.radio().switch = Position::Stop)
                 .at(6500 * MILLIS, |bench| bench.radio().switch = Position::Standby)
                 .at(8500 * MILLIS, |bench| bench.radio().switch = Position::Run);
-            let resets = [(4 * SECOND, State::AtRest, kind), (10 * SECOND, State::Starting, kind)];
+            let resets = [(4060 * MILLIS, State::AtRest, kind), (10_060 * MILLIS, State::Starting, kind)];
             reset_in_each(run, board, &resets, 10_500 * MILLIS);
         }
     });

@@ -249,7 +249,7 @@ impl Whole {
         if written.is_err()
             && let Some(part) = &self.part
         {
-            let _ = fs::remove_file(part); // the error that counts is the first
+            let _ = fs::remove_file(part); // the first error is the one to report
         }
         written.map_err(|error| cannot_write(&self.path, &error))
     }

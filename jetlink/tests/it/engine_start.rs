@@ -315,7 +315,7 @@ fn a_start_needs_a_link_that_is_up_for_long_enough() {
         scenario.silent().fly_us(Command::Standby, Origin::Rc, 2 * SECOND);
         assert_eq!(scenario.command(run(0)), refused(Interlock::Link), "{ecu:?}: lost");
 
-        // Behind a gap that is no loss of the link it counts from the first frame on.
+        // After a gap that is no loss of the link it begins with the first frame.
         for (millis, answer) in [(1400, refused(Interlock::Link)), (1600, Ok(Accepted::InForce))] {
             let mut scenario = Scenario::ready(ecu, config);
             let gap = if ecu == Ecu::Amt { 900_000 } else { 400_000 };
@@ -417,7 +417,7 @@ fn one_engine_of_a_group_starts_at_a_time() {
         scenario.reports(Reports::Running);
         assert!(!keeps(&scenario, scenario.now_us()), "{ecu:?}");
 
-        // Quick: the gap is what counts.
+        // Quick: the gap is what matters.
         let mut scenario = Scenario::ready(ecu, ecu.config());
         scenario.command(run(0)).unwrap();
         let started = scenario.now_us();

@@ -72,7 +72,7 @@ fn pulse_whose_beginning_was_not_seen_is_none_and_each_ends_once() {
     assert_eq!(edges.edge(Instant::from_secs(1), 4, 0, true), Caught::Noise, "there are four");
 }
 
-/// An input is noise for a moment, while two others have pulses without a pause: it counts again.
+/// An input is noise for a moment, while two others have pulses without a pause: then its pulses are used again.
 #[test]
 fn input_that_rested_is_tried_again_while_others_have_pulses() {
     let mut edges = Edges::new();

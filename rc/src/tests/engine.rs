@@ -164,7 +164,7 @@ fn positions_found_after_a_gap_shut_nothing_down_but_stop_does() {
         world.pass(5.0).await;
         assert_eq!(world.commanded(), Some(Command::Present));
         assert_eq!((world.state(), world.ordered()), (EngineState::Running, Some(0)));
-        // The pilot moves it, and it counts.
+        // The pilot moves it, and it is accepted.
         world.switch(RUN).await;
         world.radio.stick.set(1500);
         world.until("half throttle", 5, || world.ordered() == Some(500)).await;

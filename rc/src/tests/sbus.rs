@@ -302,7 +302,7 @@ fn rest_that_a_frame_lacks_does_not_end_it_unless_it_ends_like_one() {
     }
 }
 
-/// Random bytes at the full rate of the line for 100 s: what counts is counted here, so that a change shows.
+/// Random bytes at the full rate of the line for 100 s: valid frames are counted, so that a change shows.
 #[test]
 fn noise_is_silence() {
     let mut random = fastrand::Rng::with_seed(15);

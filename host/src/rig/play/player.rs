@@ -24,7 +24,7 @@ use std::task::Poll;
 const TICK: Duration = Duration::from_millis(100);
 /// What a watchdog takes to bite, and the node to start.
 const RESET: Reset = Reset { away: Duration::from_millis(1050), cause: Cause::Watchdog };
-/// From a move of the switch to the second frame with it, which counts.
+/// From a move of the switch to the second frame with it, which takes effect.
 const STOP_BY_SWITCH: Nanos = 45 * MILLIS;
 /// The whole way from idle to maximum, in tenths of a percent.
 const WHOLE: u32 = 1000;

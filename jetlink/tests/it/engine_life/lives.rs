@@ -446,7 +446,7 @@ fn loses_its_source(ecu: Ecu, standby_after: Option<u64>, present: bool) -> (Sce
 }
 
 /// An order to run without a living engine ends in standby when the stages of loss have run out: 10 s into the fail-safe
-/// stage where standby is set to never. To the tick; a source that wants nothing counts as silent. A living one continues.
+/// stage where standby is set to never. To the tick; a source that commands nothing is silent. A living one continues.
 #[test]
 fn an_order_without_a_living_engine_ends_when_the_stages_have_run_out() {
     for (ecu, received, standby_after, present) in [
@@ -525,7 +525,7 @@ fn damaged_frames_are_no_gap_for_10_s_at_most() {
         if !passes {
             frame[4] ^= 1;
         }
-        // The last that counts comes 50 ms before the 10 s are over.
+        // The last valid one is received 50 ms before the 10 s are over.
         let gap = good + 10 * SECOND - FRAME_PERIOD_US + gap(ecu);
         scenario.silent();
         for i in 1..=240 {
@@ -690,7 +690,7 @@ fn silent_over_a_gap(hold: u64, gap: u64) -> (u64, u64) {
 #[test]
 fn the_stages_of_loss_continue_over_a_gap_that_took_the_order() {
     for (hold, gap) in [(1, 6), (1, 12), (10, 6), (10, 9), (10, 12)] {
-        // The time to standby counts from the end of the hold.
+        // The time to standby begins at the end of the hold.
         assert_eq!(silent_over_a_gap(hold, gap), (hold.max(gap), hold + 20), "hold {hold} s, gap {gap} s");
     }
 }

@@ -410,7 +410,7 @@ fn zk_16_one_odd_frame_changes_no_identity() {
     }
 }
 
-/// ZK-7: a later version than the known one would allow commands that the ECU may not know: it counts when four in a row say
+/// ZK-7: a later version than the known one would allow commands that the ECU may not know: it is accepted when four in a row report
 /// the same, while the link is up.
 #[test]
 fn zk_7_a_later_version_needs_four_reports() {

@@ -26,7 +26,7 @@ fn zk_10_silence_is_one_loss_and_every_send_slot_is_used() {
     assert_eq!(bench.event_kinds(), [Event::Phase(Phase::Standby)], "two agree");
 }
 
-/// ZK-15: an unknown ID is a frame: it counts, it keeps the link up, and its bytes are stored.
+/// ZK-15: an unknown ID is a frame: it is counted, keeps the link up, and its bytes are stored.
 #[test]
 fn zk_15_unknown_ids_are_frames() {
     for id in [0, 10, 11, 12, 13, 14] {

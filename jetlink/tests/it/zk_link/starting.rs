@@ -100,7 +100,7 @@ fn one_odd_report_withholds_the_run_and_two_end_it() {
     }
 }
 
-/// What the report reports of phase, faults and switch is debounced: it counts when two agree, also the first time.
+/// Phase, faults and switch are debounced: they are accepted when two reports agree, also the first time.
 #[test]
 fn one_odd_report_changes_neither_phase_nor_faults_nor_switch() {
     let mut bench = link(Config::DEFAULT, LINE);

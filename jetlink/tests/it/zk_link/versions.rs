@@ -87,7 +87,7 @@ fn zk_7_a_refused_order_changes_nothing() {
     assert_eq!(service(&mut bench, of_amt), Err(Rejected::NotSupported));
 }
 
-/// ZK-7: thrust counts from version 2, and ESR, SCL and the start-up time from version 4.
+/// ZK-7: thrust is valid from version 2, and ESR, SCL and the start-up time from version 4.
 #[test]
 fn zk_7_each_version_has_its_status_fields() {
     for version in [None, Some(1), Some(2), Some(3), Some(4), Some(5)] {

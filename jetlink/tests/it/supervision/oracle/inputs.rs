@@ -155,7 +155,7 @@ impl Oracle {
         }
         source.silent_from = match (intent, before) {
             (Intent::Nothing, Some(Source { intent: Intent::Nothing, silent_from, .. })) => silent_from,
-            // Wanting nothing counts as silence from then on.
+            // A source that commands nothing is silent from then on.
             (Intent::Nothing, Some(before)) => before.silent_from.min(at),
             (Intent::Nothing, None) => at,
             _ => at + age,
@@ -464,7 +464,7 @@ impl Oracle {
             }
         }
         self.armed &= self.latched.is_none();
-        // The silence of all continues over the reset; it counts from the reset on only where one has just commanded.
+        // The silence of all continues over the reset; it begins at the reset only where one has just commanded.
         let wanting = self.each().filter(|(_, source)| source.intent != Intent::Nothing);
         let last_command = wanting.map(|(_, source)| source.last_rx).max().unwrap_or(0) + down + CARRIED;
         self.wanted_until = self.wanted_until.saturating_add(down + CARRIED);

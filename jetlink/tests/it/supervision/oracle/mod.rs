@@ -211,7 +211,7 @@ pub struct Oracle {
     sources: [Option<Source>; 4],
     latched: Option<(Origin, u64)>,
     armed: bool,
-    /// Sources whose last command on arming was "arm", and those that have to command "disarm" before that counts again.
+    /// Sources whose last command on arming was "arm", and those that have to command "disarm" before it is accepted again.
     arm_commanded: [bool; 4],
     must_disarm: [bool; 4],
     standby_commanded: Option<u64>,
