@@ -100,7 +100,7 @@ fn warning(board: &Board) -> String {
     let listens = ports(Before::Listens);
     if !listens.is_empty() {
         text += &format!(
-            "Connect no ECU to {}: the bootloader also listens there. It may take the bytes of an ECU for commands, and \
+            "Connect no ECU to {}: the bootloader listens there as well. It may take the bytes of an ECU for commands, and \
              then starts nothing, or erases the image.\n",
             listens.join(", ")
         );
