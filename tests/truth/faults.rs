@@ -1,25 +1,12 @@
 //! What goes wrong with one ECU and its two wires. Every disturbance is written into the history as what it really was.
 
-use crate::ecus;
+use crate::ecus::{self, Odd};
 use crate::history::{History, Kind, MS, Rules, SECOND, Spans};
 use crate::pilots::Rng;
 use core::fmt;
 use sim::any::AnyEcu;
 use sim::turbine::{EgtSensor, Phase};
 use sim::wire::{Babble, Direction, Faults, FramingAs, Plug};
-
-/// What a frame reports that no ECU sent.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Odd {
-    /// An engine at rest.
-    AtRest,
-    /// A shaft that does not turn, in a frame that reports nothing else of the engine, or a running engine.
-    SlowShaft,
-    /// An exhaust beyond every limit.
-    HotExhaust,
-    /// A later version of the protocol, where it has versions.
-    LaterVersion,
-}
 
 /// One disturbance.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

@@ -1,7 +1,8 @@
 //! Drills in flight in which one thing goes wrong within another.
 
 use super::{Condition, Director, Step, beside, fault, once, silent, stream, throttle};
-use crate::faults::{Fault, Odd};
+use crate::ecus::Odd;
+use crate::faults::Fault;
 use crate::history::{Cause, MS, PilotCommand, SECOND};
 use crate::pilots::Rng;
 

@@ -2,7 +2,8 @@
 
 use super::{Condition, Director, IDLE, Step, beside, fault, once, silent, stream, throttle};
 use crate::acts::Act;
-use crate::faults::{Fault, Odd};
+use crate::ecus::Odd;
+use crate::faults::Fault;
 use crate::history::{Cause, Demanded, MS, PilotCommand, SECOND};
 use crate::pilots::Rng;
 use sim::turbine::EgtSensor;
@@ -56,27 +57,6 @@ impl Director {
         }
     }
 
-    pub(super) const fn is_amt(&self) -> bool {
-        self.rules.kind.is_amt()
-    }
-
-    const fn age(&self) -> u64 {
-        self.rules.ages[self.main]
-    }
-
-    /// From the last command of the source that flies to the end of the hold.
-    pub(super) const fn to_hold_end(&self) -> u64 {
-        self.age() + self.rules.hold
-    }
-
-    pub(super) fn lower(&self, rng: &mut Rng) -> Option<usize> {
-        (self.main < 3).then(|| rng.between(self.main as u64 + 1, 4) as usize)
-    }
-
-    fn higher(&self, rng: &mut Rng) -> Option<usize> {
-        (self.main > 0).then(|| rng.below(self.main as u64) as usize)
-    }
-
     fn cut(&self, rng: &mut Rng) -> (Fault, u64) {
         let wire = rng.pick(&[Fault::CutToNode, Fault::CutToNode, Fault::CutBoth, Fault::CutToEcu]);
         let patience = self.rules.gives_up_after;
@@ -88,15 +68,6 @@ impl Director {
         };
         // Most are such as the engine outlives.
         (wire, if rng.percent(94) { self.outlived(length) } else { length })
-    }
-
-    /// A cut for no longer than the ECU puts up with.
-    pub(super) fn outlived(&self, length_us: u64) -> u64 {
-        if self.rules.kind.continues_without_commands() {
-            length_us
-        } else {
-            length_us.min(self.rules.gives_up_after * 85 / 100)
-        }
     }
 
     /// A wire is cut, and the stick moves meanwhile, or another source comes, or all fall silent.

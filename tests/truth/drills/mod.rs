@@ -121,6 +121,36 @@ impl Director {
         }
     }
 
+    const fn is_amt(&self) -> bool {
+        self.rules.kind.is_amt()
+    }
+
+    const fn age(&self) -> u64 {
+        self.rules.ages[self.main]
+    }
+
+    /// From the last command of the source that flies to the end of the hold.
+    const fn to_hold_end(&self) -> u64 {
+        self.age() + self.rules.hold
+    }
+
+    fn lower(&self, rng: &mut Rng) -> Option<usize> {
+        (self.main < 3).then(|| rng.between(self.main as u64 + 1, 4) as usize)
+    }
+
+    fn higher(&self, rng: &mut Rng) -> Option<usize> {
+        (self.main > 0).then(|| rng.below(self.main as u64) as usize)
+    }
+
+    /// A cut for no longer than the ECU puts up with.
+    fn outlived(&self, length_us: u64) -> u64 {
+        if self.rules.kind.continues_without_commands() {
+            length_us
+        } else {
+            length_us.min(self.rules.gives_up_after * 85 / 100)
+        }
+    }
+
     /// A demand for a while.
     fn demand(&self, rng: &mut Rng, view: &View) -> Demanded {
         match view.max_rpm.or(self.rules.governor.then_some(100_000)) {

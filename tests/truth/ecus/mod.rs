@@ -11,7 +11,7 @@ use jetlink::config::EngineConfig;
 use jetlink::ecu::Service;
 use sim::any::{AnyConfig, AnyEcu};
 use sim::control::{self, Command};
-pub use vendor::{Seen, WorldConfig, WorldEcu};
+pub use vendor::{Odd, Seen, WorldConfig, WorldEcu};
 
 /// An engine with an ECU of any protocol.
 pub fn random(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {

@@ -1,12 +1,24 @@
 //! What the worlds need of a protocol. Each has a file beside this one, which implements it for the simulated ECU and its
 //! configuration.
 
-use crate::faults::Odd;
 use crate::history::{Kind, PilotCommand};
 use crate::pilots::Rng;
 use jetlink::ecu::{EcuConfig, Service};
 use sim::any::AnyEcu;
 use sim::ecu::Nanos;
+
+/// What a frame reports that no ECU sent.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Odd {
+    /// An engine at rest.
+    AtRest,
+    /// A shaft that does not turn, in a frame that reports nothing else of the engine, or a running engine.
+    SlowShaft,
+    /// An exhaust beyond every limit.
+    HotExhaust,
+    /// A later version of the protocol, where it has versions.
+    LaterVersion,
+}
 
 /// What a look at an ECU shows beside its turbine.
 pub struct Seen {

@@ -1,7 +1,6 @@
 //! ZK ECUs in the worlds.
 
-use super::vendor::{Facts, Seen, WorldConfig, WorldEcu};
-use crate::faults::Odd;
+use super::vendor::{Facts, Odd, Seen, WorldConfig, WorldEcu};
 use crate::history::{Kind, PilotCommand, Sent};
 use crate::pilots::Rng;
 use jetlink::config::EngineConfig;
