@@ -1,5 +1,8 @@
 //! One counter for every rule that waits for consecutive frames or values that agree.
 
+/// Consecutive reports, or values beyond a limit, that have to agree.
+pub(crate) const AGREEING: u8 = 2;
+
 /// Number of consecutive values that agree, up to 255.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

@@ -1,6 +1,6 @@
 //! Detects combustion by the exhaust temperature, the only evidence while an ECU sends faults instead of a state (AMT-8).
 
-use crate::consecutive::Consecutive;
+use crate::consecutive::{AGREEING, Consecutive};
 use crate::units::Celsius;
 use embassy_time::{Duration, Instant};
 
@@ -23,8 +23,6 @@ const STEP_OVER: Duration = Duration::from_millis(100);
 pub(super) const FALL_EXPECTED: Duration = Duration::from_secs(5);
 /// Longest time for which repeated lower demands excuse a cold exhaust, less the time without one.
 const EXCUSED_MAX: Duration = Duration::from_secs(15);
-/// Consecutive values that have to agree.
-const AGREEING: u8 = 2;
 
 /// Whether there is combustion.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

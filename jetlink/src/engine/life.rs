@@ -7,14 +7,11 @@
 
 use super::exhaust::Burning;
 use crate::command::Origin;
-use crate::consecutive::Consecutive;
+use crate::consecutive::{AGREEING, Consecutive};
 use crate::event::End;
 use crate::link::{Observation, Stage};
 use crate::units::Throttle;
 use embassy_time::{Duration, Instant};
-
-/// Consecutive reports that have to agree before they confirm or end a life.
-const AGREEING: u8 = 2;
 
 /// Largest difference between two throttles that agree, in 0.1 %: a running engine's may move.
 const AGREEING_BAND: u16 = 20;

@@ -5,15 +5,13 @@
 //! the limit is violated.
 
 use super::config::Limits;
-use crate::consecutive::Consecutive;
+use crate::consecutive::{AGREEING, Consecutive};
 use crate::limit::{Action, LimitKind, LimitViolation};
 use crate::report::{Phase, Report, Timed};
 use crate::units::{Celsius, Millivolts, Rpm};
 use embassy_time::{Duration, Instant};
 use heapless::Deque;
 
-/// Consecutive values beyond a limit that violate it.
-const AGREEING: u8 = 2;
 /// Time over which a loss of shaft speed is measured.
 const FLAME_OUT_OVER: Duration = Duration::from_secs(2);
 /// Grace period after a lower demand in which the shaft speed is expected to fall.
