@@ -420,12 +420,8 @@ fn outputs_that_nobody_drives_are_no_stop_with_end_points_of_1000_us_either() {
             life(&Life { radio, plug, memory: None, settings }, halves, async |world| {
                 radio.stick.set(idle);
                 world.pass(2.0).await;
-                world.radio.switch.set(STANDBY);
-                world.until("armed", 30, || world.telemetry().armed).await;
-                world.until("standby", 60, || world.state() == EngineState::Standby).await;
-                world.pass(2.0).await;
-                world.radio.switch.set(RUN);
-                world.until("running", 120, || world.state() == EngineState::Running).await;
+                world.standby_by(STANDBY).await;
+                world.run_by(RUN).await;
                 world.radio.stick.set(half);
                 world.until("half throttle", 10, || world.ordered() == Some(500)).await;
                 // Two seconds of its start without frames, then as long without anybody who drives the outputs.
@@ -457,12 +453,8 @@ fn outputs_that_nobody_drives_are_no_stop_from_an_end_point_of_892_us_on() {
             life(&Life { radio, plug, memory: None, settings }, halves, async |world| {
                 radio.stick.set(low);
                 world.pass(2.0).await;
-                world.radio.switch.set(STANDBY);
-                world.until("armed", 30, || world.telemetry().armed).await;
-                world.until("standby", 60, || world.state() == EngineState::Standby).await;
-                world.pass(2.0).await;
-                world.radio.switch.set(RUN);
-                world.until("running", 120, || world.state() == EngineState::Running).await;
+                world.standby_by(STANDBY).await;
+                world.run_by(RUN).await;
                 world.radio.stick.set(low.midpoint(1900));
                 world.until("half throttle", 10, || world.ordered().is_some_and(|order| order >= 495)).await;
                 world.radio.plugged.set(false);

@@ -58,12 +58,8 @@ fn stick_whose_end_point_is_below_900_us_starts_and_throttles() {
         life(&Life { radio, plug, memory: None, settings }, halves, async |world| {
             radio.stick.set(882);
             world.pass(2.0).await;
-            world.radio.switch.set(STANDBY);
-            world.until("armed", 30, || world.telemetry().armed).await;
-            world.until("standby", 60, || world.state() == EngineState::Standby).await;
-            world.pass(2.0).await;
-            world.radio.switch.set(RUN);
-            world.until("running", 120, || world.state() == EngineState::Running).await;
+            world.standby_by(STANDBY).await;
+            world.run_by(RUN).await;
             world.radio.stick.set(1394);
             world.until("half throttle", 10, || world.ordered() == Some(500)).await;
         })
@@ -79,12 +75,8 @@ fn stick_with_end_points_of_800_and_2200_us_starts_and_reaches_full_throttle() {
         life(&Life { radio, plug, memory: None, settings }, halves, async |world| {
             radio.stick.set(800);
             world.pass(2.0).await;
-            world.radio.switch.set(STANDBY);
-            world.until("armed", 30, || world.telemetry().armed).await;
-            world.until("standby", 60, || world.state() == EngineState::Standby).await;
-            world.pass(2.0).await;
-            world.radio.switch.set(RUN);
-            world.until("running", 120, || world.state() == EngineState::Running).await;
+            world.standby_by(STANDBY).await;
+            world.run_by(RUN).await;
             for (stick, ordered) in [(1500, 500), (2200, 1000), (800, 0)] {
                 world.radio.stick.set(stick);
                 world.until("the throttle", 10, || world.ordered() == Some(ordered)).await;
@@ -127,8 +119,7 @@ fn stick_may_command_a_shaft_speed() {
         life(&Life { radio, plug, memory: None, settings }, halves, async |world| {
             world.arm().await;
             world.pass(20.0).await;
-            world.radio.switch.set(RUN);
-            world.until("running", 120, || world.state() == EngineState::Running).await;
+            world.run_by(RUN).await;
             world.radio.stick.set(1500);
             let half = Order::Run(Demand::Rpm(Rpm::new(60_000)));
             world
@@ -152,8 +143,7 @@ fn start_by_a_stick_that_commands_a_shaft_speed_needs_the_stick_at_idle_and_no_m
                 world.pass(20.0).await;
                 world.radio.stick.set(stick);
                 world.pass(1.0).await;
-                world.radio.switch.set(RUN);
-                world.until("running", 120, || world.state() == EngineState::Running).await;
+                world.run_by(RUN).await;
                 let ordered = || match world.telemetry().ordered.order {
                     Order::Run(Demand::Rpm(rpm)) => rpm.get().checked_sub(low),
                     _ => None,
@@ -175,12 +165,8 @@ fn reversed_stick_and_switch_stop_start_and_throttle_the_engine() {
         life(&Life { radio, plug, memory: None, settings }, halves, async |world| {
             world.until("stop", 10, || world.telemetry().stop_latched).await;
             world.pass(2.0).await;
-            world.radio.switch.set(1500);
-            world.until("armed", 30, || world.telemetry().armed).await;
-            world.until("standby", 60, || world.state() == EngineState::Standby).await;
-            world.pass(2.0).await;
-            world.radio.switch.set(1000);
-            world.until("running", 120, || world.state() == EngineState::Running).await;
+            world.standby_by(1500).await;
+            world.run_by(1000).await;
             world.radio.stick.set(1300);
             world.until("75 %", 10, || world.ordered() == Some(750)).await;
         })
@@ -202,8 +188,7 @@ fn damaged_settings_start_nothing_until_they_are_confirmed() {
         assert_eq!(world.ordered(), None, "a start that was refused takes a new move");
         world.switch(STANDBY).await;
         world.pass(1.0).await;
-        world.radio.switch.set(RUN);
-        world.until("running", 120, || world.state() == EngineState::Running).await;
+        world.run_by(RUN).await;
         // A running engine keeps its throttle and its stop.
         world.pilot.borrow_mut().set_damaged(true);
         world.radio.stick.set(1500);

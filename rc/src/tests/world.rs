@@ -159,17 +159,27 @@ impl World<'_> {
         self.radio.stick.set(IDLE);
         self.switch(STOP).await;
         self.pass(1.0).await;
-        self.radio.switch.set(STANDBY);
+        self.standby_by(STANDBY).await;
+    }
+
+    /// Moves the switch to this position, standby, and waits until the engine is armed and ready.
+    pub async fn standby_by(&self, position: u16) {
+        self.radio.switch.set(position);
         self.until("armed", 30, || self.telemetry().armed).await;
         self.until("standby", 60, || self.state() == EngineState::Standby).await;
         self.pass(2.0).await;
     }
 
+    /// Moves the switch to this position, run, and waits until the engine runs.
+    pub async fn run_by(&self, position: u16) {
+        self.radio.switch.set(position);
+        self.until("running", 120, || self.state() == EngineState::Running).await;
+    }
+
     /// Armed, started, running.
     pub async fn start(&self) {
         self.arm().await;
-        self.radio.switch.set(RUN);
-        self.until("running", 120, || self.state() == EngineState::Running).await;
+        self.run_by(RUN).await;
         self.pass(5.0).await;
     }
 
