@@ -63,6 +63,11 @@ impl PilotCommand {
                 | Self::Ctf
         )
     }
+
+    /// A command by which an engine is not to run.
+    pub const fn ends_a_run(self) -> bool {
+        matches!(self, Self::Standby | Self::ShutDown | Self::Disarm | Self::Stop | Self::Ctf)
+    }
 }
 
 impl fmt::Display for PilotCommand {

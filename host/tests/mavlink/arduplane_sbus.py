@@ -91,6 +91,10 @@ def commanded_by(vehicle, watch, engine):
     return "mavlink" if abs(more) < 0.3 else "rc" if abs(more - 0.75) < 0.3 else None
 
 
+def goes_to(source, vehicle, watch):
+    until(f"{source} commands left", 15, lambda: commanded_by(vehicle, watch, LEFT) == source)
+
+
 def jumps(watch, mark, engine):
     """Greatest change of the order from one report to the next, in percent."""
     orders = [efi.throttle_out for efi in watch.since(mark, "EFI_STATUS", engine)]
@@ -182,7 +186,7 @@ def hand_over(vehicle, watch, wire):
 
     mark = len(watch.received)
     wire.plugged = True
-    until("radio control", 15, lambda: commanded_by(vehicle, watch, LEFT) == "rc")
+    goes_to("rc", vehicle, watch)
     wait(8)
     there, by_rc = jumps(watch, mark, LEFT), ordered(watch, LEFT)
     assert there <= 1 and watch.state(RIGHT) == STANDBY
@@ -193,7 +197,7 @@ def hand_over(vehicle, watch, wire):
 
     mark = len(watch.received)
     wire.plugged = False
-    until("MAVLink", 15, lambda: commanded_by(vehicle, watch, LEFT) == "mavlink")
+    goes_to("mavlink", vehicle, watch)
     wait(8)
     back = jumps(watch, mark, LEFT)
     assert back <= 1 and watch.state(LEFT) == RUNNING
@@ -202,7 +206,7 @@ def hand_over(vehicle, watch, wire):
     wait(5)
     assert commanded_by(vehicle, watch, LEFT) == "mavlink" and ordered(watch, LEFT) < 40
     wire.plugged = True
-    until("radio control", 15, lambda: commanded_by(vehicle, watch, LEFT) == "rc")
+    goes_to("rc", vehicle, watch)
     wait(8)
 
 
@@ -210,7 +214,7 @@ def hand_over_by_channel(vehicle, watch):
     """With both received all the time: the channel gives the engine to MAVLink and takes it back, and the switch keeps the stop."""
     mark, before = len(watch.received), ordered(watch, LEFT)
     vehicle.hand = 2000
-    until("MAVLink", 15, lambda: commanded_by(vehicle, watch, LEFT) == "mavlink")
+    goes_to("mavlink", vehicle, watch)
     wait(8)
     there = jumps(watch, mark, LEFT)
     assert there <= 1 and watch.state(LEFT) == RUNNING
@@ -224,13 +228,13 @@ def hand_over_by_channel(vehicle, watch):
 
     mark = len(watch.received)
     vehicle.hand = 1000
-    until("radio control", 15, lambda: commanded_by(vehicle, watch, LEFT) == "rc")
+    goes_to("rc", vehicle, watch)
     wait(8)
     back = jumps(watch, mark, LEFT)
     assert back <= 1 and watch.state(LEFT) == RUNNING
     print(f"by the hand-over channel: greatest change {there:.1f} and {back:.1f} % in 0.1 s")
     vehicle.hand = 2000
-    until("MAVLink", 15, lambda: commanded_by(vehicle, watch, LEFT) == "mavlink")
+    goes_to("mavlink", vehicle, watch)
     vehicle.switch = STOP
     until("stopped while it is handed over", 5, lambda: latched(watch, LEFT))
 

@@ -79,22 +79,12 @@ impl Case<'_> {
             // A node that begins closes it at once where standby was in force.
             let run =
                 begins.is_none() && on_wire.iter().any(|frame| frame.sent.switch() == Some(Switch::Run));
-            let standby = |command| {
-                matches!(
-                    command,
-                    PilotCommand::Standby
-                        | PilotCommand::ShutDown
-                        | PilotCommand::Disarm
-                        | PilotCommand::Stop
-                        | PilotCommand::Ctf
-                )
-            };
             // Of each source the last command but arming and presence counts.
             let commanded = h.commanded(at.saturating_sub(REASON), at);
             let wanted = (0..4).any(|source| {
                 let mut own = commanded.iter().rev().filter(|commanded| commanded.source == source);
                 let last = own.find(|own| !matches!(own.command, PilotCommand::Arm | PilotCommand::Nothing));
-                last.is_some_and(|last| standby(last.command))
+                last.is_some_and(|last| last.command.ends_a_run())
             });
             // What ended a run for good, no later run takes back: that one needs a start.
             let for_good = |of: &crate::history::Commanded| {
@@ -135,22 +125,12 @@ impl Case<'_> {
             let after = h.frames_within(at, at + SECOND).iter().find_map(switch);
             // Standby and run again within one send slot: of the first nothing is on the wire.
             let lately = h.commanded(at.saturating_sub(2 * h.rules.period + LATE), at);
-            let ends = |command| {
-                matches!(
-                    command,
-                    PilotCommand::Standby
-                        | PilotCommand::ShutDown
-                        | PilotCommand::Disarm
-                        | PilotCommand::Stop
-                        | PilotCommand::Ctf
-                )
-            };
             let commanded = lately.iter().any(|commanded| {
                 let above = |other: &&crate::history::Commanded| {
                     other.source < commanded.source && matches!(other.command, PilotCommand::Run(_))
                 };
                 let streamed = commanded.command == PilotCommand::Standby;
-                ends(commanded.command) && !(streamed && lately.iter().any(|other| above(&other)))
+                commanded.command.ends_a_run() && !(streamed && lately.iter().any(|other| above(&other)))
             });
             let is_known = |found: &super::case::Finding| found.rule == Rule::CutOff && found.at == at;
             if before == Some(Switch::Run)
