@@ -164,7 +164,7 @@ pub struct Outputs {
     not_followed_since: Option<Instant>,
     /// Under an order of standby, an engine that turns.
     least: Option<Least>,
-    /// First of the reports in a row of an engine that is cold and at rest.
+    /// Time since which all reports have been of an engine that is cold and at rest, with no order to run.
     cold_since: Option<Instant>,
 }
 
@@ -334,8 +334,8 @@ impl Outputs {
 
     /// `None`: it stays as it is.
     fn decide_power(&mut self, telemetry: &Telemetry) -> Option<(bool, Why)> {
-        let cold = self.has_been_cold(telemetry);
         let ordered = matches!(telemetry.ordered.order, Order::Run(_) | Order::Doubt(_) | Order::Pwm);
+        let cold = self.has_been_cold(telemetry, ordered);
         // Also after a reset that has lost what was armed: the starter cools a hot turbine.
         let busy = matches!(phase(telemetry), Some(Phase::Starting | Phase::Running | Phase::Cooling));
         match () {
@@ -348,13 +348,14 @@ impl Outputs {
     }
 
     /// Whether the ECU has reported an engine that is cold and at rest for long enough: nothing gives the power back to one that is hot.
-    fn has_been_cold(&mut self, telemetry: &Telemetry) -> bool {
-        let Some(at) = cold_and_at_rest(telemetry) else {
+    /// An order to run begins it anew: a start may end before the ECU has reported it.
+    fn has_been_cold(&mut self, telemetry: &Telemetry, ordered: bool) -> bool {
+        let Some(at) = cold_and_at_rest(telemetry).filter(|_| !ordered) else {
             self.cold_since = None;
             return false;
         };
         // By the reports: a single one is not enough, however long it stays current.
-        at.saturating_duration_since(*self.cold_since.get_or_insert(at)) >= COLD_FOR
+        at.saturating_duration_since(*self.cold_since.get_or_insert(telemetry.at)) >= COLD_FOR
     }
 }
 

@@ -479,6 +479,30 @@ fn power_is_on_from_armed_until_cold_and_at_rest() {
     assert!(!outputs.power());
 }
 
+/// A start may be shorter than the time between two reports: only those of afterwards say that the engine is cold.
+#[test]
+fn cold_reports_from_before_an_order_to_run_do_not_count_after_it() {
+    // Ten reports a second of an engine at rest, run in one of these orders: when the power goes off, in ms.
+    let off_after = |run_at: u64| {
+        let mut outputs = outputs(Valve::Closed);
+        (0..1000_u64).map(|tenth| tenth * 100).find(|&ms| {
+            let order = if ms == run_at { RUN } else { Order::Standby };
+            let mut telemetry = snapshot(order, Some(Phase::Standby), Some(0));
+            telemetry.at = T0 + Duration::from_millis(ms);
+            telemetry.armed = ms == 0;
+            // Each is 50 ms old.
+            let reported = telemetry.at - Duration::from_millis(50);
+            telemetry.report.phase = Some(Timed::new(Phase::Standby, reported));
+            telemetry.report.rpm = Some(Timed::new(Rpm::new(0), reported));
+            telemetry.report.egt = Some(Timed::new(Celsius::from_tenths(200), reported));
+            outputs.update(&telemetry);
+            !outputs.power()
+        })
+    };
+    assert_eq!(off_after(u64::MAX), Some(3100), "none is ordered");
+    assert_eq!(off_after(2000), Some(5200));
+}
+
 /// The starter cools a hot turbine: what takes its power away is never given back.
 #[test]
 fn odd_report_of_a_cold_exhaust_leaves_starter_and_ignition_their_power() {

@@ -2,7 +2,7 @@
 //! stop, and not without a reason.
 
 use super::case::{Case, Rule, seconds};
-use crate::history::{Cause, MS, PilotCommand, SECOND, Sent, Spans, Switch};
+use crate::history::{Cause, Frame, MS, PilotCommand, SECOND, Sent, Spans, Switch};
 use sim::turbine::Phase;
 
 /// From a reason until the output follows: the node looks at its engine at each event of the world, 50 ms apart or less.
@@ -15,7 +15,7 @@ const RESOLUTION: f64 = 8.0;
 /// From which a shaft turns, rpm, with that of a report.
 const TURNS: f64 = 1000.0;
 const TURNS_FOR_SURE: f64 = 1600.0;
-/// A stop, a limit, a silence: what ends a run takes at most so long until the ECU reports it at rest.
+/// A stop, a limit, a silence: what ends a run takes at most so long until the ECU reports it at rest. So does a service.
 const LATELY: u64 = 60 * SECOND;
 
 impl Case<'_> {
@@ -43,20 +43,23 @@ impl Case<'_> {
                 self.verdict.finding(Rule::Power, to, text);
             }
         }
+        // One frame may have been decided before its stop: two in a row are a run, from the first to the last.
         let switches: Vec<_> = h.frames.iter().filter(|frame| frame.sent.switch().is_some()).collect();
-        let run = |i: usize| switches[i].sent.switch() == Some(Switch::Run);
-        let mut dark = false;
-        for i in 1..switches.len() {
-            let (from, to) = (switches[i - 1].at, switches[i].at);
-            // One frame may have been decided before its stop.
-            let together = run(i - 1) && run(i) && to - from <= 2 * h.rules.period + LATE;
-            let is_off = together && to - from >= LATE.min(h.rules.period / 2) && all_off(from, to);
-            if is_off && !dark && !self.down.touches(from.saturating_sub(LATE), to) {
-                let text =
-                    format!("run is on the wire since {}, and the starter has no power", seconds(from));
-                self.verdict.finding(Rule::Power, to, text);
+        let pairs = switches.windows(2).map(|pair| (pair[0], pair[1]));
+        let run = |frame: &Frame| frame.sent.switch() == Some(Switch::Run);
+        let together = pairs
+            .filter(|(one, next)| run(one) && run(next) && next.at - one.at <= 2 * h.rules.period + LATE);
+        let runs = Spans::from(&together.map(|(one, next)| (one.at, next.at)).collect::<Vec<_>>());
+        for (from, to) in runs.iter() {
+            let dark = off.iter().map(|(begin, end)| (begin.max(from), end.min(to)));
+            let long = dark.filter(|(begin, end)| *end >= begin + LATE);
+            for (begin, end) in long {
+                if !self.down.touches(begin.saturating_sub(LATE), end) {
+                    let text =
+                        format!("run is on the wire since {}, and the starter has no power", seconds(from));
+                    self.verdict.finding(Rule::Power, end, text);
+                }
             }
-            dark = is_off;
         }
     }
 
@@ -151,16 +154,24 @@ impl Case<'_> {
             while at < to {
                 let since = at - within;
                 let frames = h.frames_within(since, at);
-                let ordered = |of: &crate::history::Frame| {
-                    matches!(of.sent.switch(), Some(Switch::Standby | Switch::Stop))
-                };
+                let ordered = |of: &Frame| matches!(of.sent.switch(), Some(Switch::Standby | Switch::Stop));
                 let quiet = frames.iter().all(|frame| ordered(frame) && frame.arrived)
                     && frames.len() as u64 > within / h.rules.period / 2;
                 let known = ![&self.blind, &self.faults, &self.hidden, &h.deaf]
                     .iter()
                     .any(|spans| spans.touches(since, at));
                 let armed = self.command_log.armed_within(since, at);
-                if quiet && known && !armed && !self.is_disturbed(since, at) && on.within(since, at) == within
+                // A service moves no shaft here, but the ECU reports it in place of standby.
+                let serves = h
+                    .frames_within(at.saturating_sub(LATELY), at)
+                    .iter()
+                    .any(|frame| matches!(frame.sent, Sent::Action(_)));
+                if quiet
+                    && known
+                    && !serves
+                    && !armed
+                    && !self.is_disturbed(since, at)
+                    && on.within(since, at) == within
                 {
                     let text =
                         format!("cold and at rest since {}, and the starter has power", seconds(since));

@@ -54,6 +54,8 @@ fn starter_has_power_when_its_engine_is_armed_and_not_before() {
     };
     disarmed(&[(10.05, Some(false))]).passes();
     disarmed(&[]).breaks(&[Rule::Power]);
+    // The test of a starter that was begun before is reported in place of standby.
+    disarmed(&[]).wire(9.0, 9.01, Sent::Action(6)).passes();
 }
 
 #[test]
