@@ -7,7 +7,7 @@ use embassy_sync::pubsub::WaitResult;
 use embassy_time::{Duration, Instant, Ticker};
 use jetlink::node::Node;
 use jetlink_fw::config::{BUZZER, ENGINES, OUTPUTS, RADIO};
-use jetlink_rc::outputs::Outputs;
+use jetlink_rc::outputs::{Before, Outputs};
 use jetlink_rc::settings::OutputSettings;
 use jetlink_rc::shared::{Changes, Shared};
 use jetlink_rc::starts::LIVED;
@@ -67,7 +67,8 @@ fn restore_all(cause: ResetCause) -> All {
     let wired = wiring::retained().unwrap_or(wiring::IMAGE);
     let all = from_fn(|engine| {
         let record = wiring::record(engine, &wired, reset);
-        Outputs::new(configs[engine].settings, record, failed.close(engine))
+        let power = wiring::power(engine, &wired);
+        Outputs::new(configs[engine].settings, Before { record, power, has_failed: failed.close(engine) })
     });
     drive(&all);
     all
@@ -95,6 +96,7 @@ pub async fn serve(node: &'static Node<N>, mut all: All) -> ! {
     let configs = defmt::unwrap!(OUTPUTS);
     for (engine, (config, outputs)) in configs.iter().zip(&all).enumerate() {
         SHARED.set(engine, config, outputs, outputs.restored());
+        wiring::retain_power(engine, outputs.power());
     }
     let mut ticker = Ticker::every(EVERY);
     loop {
@@ -105,6 +107,9 @@ pub async fn serve(node: &'static Node<N>, mut all: All) -> ! {
         drive(&all);
         for (engine, ((config, outputs), changes)) in configs.iter().zip(&all).zip(changes).enumerate() {
             SHARED.set(engine, config, outputs, changes.into_iter().flatten());
+            if let [_, Some(_)] = changes {
+                wiring::retain_power(engine, outputs.power());
+            }
         }
         ticker.next().await;
     }

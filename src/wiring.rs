@@ -1,11 +1,12 @@
 //! What the engines are wired to: as in the table of `src/config.rs`, or as it is stored. Never changed in flight.
 
-use crate::board::engines::{RETAINED, WIRING};
+use crate::board::engines::{POWER, RETAINED, WIRING};
 use crate::board::{PORTS, TWO_STOP_BITS};
 use jetlink::config::EngineConfig;
 use jetlink::engine::retained::{Reset, RetainedState};
 use jetlink::wiring::{Contradiction, Ports, Wiring, check};
 use jetlink_fw::config::{ENGINES, RADIO};
+use jetlink_rc::outputs::Before;
 
 /// Number of engines of this node.
 const N: usize = ENGINES.len();
@@ -67,9 +68,27 @@ pub fn retained() -> Option<All> {
 
 /// The record of an engine that was wired in this way.
 pub fn record(engine: usize, all: &All, reset: Reset) -> Option<RetainedState> {
+    let config = config(engine, all)?;
+    RETAINED.0.get(usize::from(config.port))?.load(config.fingerprint(), reset)
+}
+
+/// Whether the starter and ignition of an engine that was wired in this way had power; `None`: it is not known.
+pub fn power(engine: usize, all: &All) -> Option<bool> {
+    Before::power(config(engine, all)?.fingerprint(), POWER.get(engine)?.get())
+}
+
+/// Has the power of an engine's starter and ignition survive a reset.
+pub fn retain_power(engine: usize, power: bool) {
+    let wired = retained().unwrap_or(IMAGE);
+    if let (Some(config), Some(word)) = (config(engine, &wired), POWER.get(engine)) {
+        word.set(Before::number(config.fingerprint(), power));
+    }
+}
+
+fn config(engine: usize, all: &All) -> Option<EngineConfig> {
     let mut config = *ENGINES.get(engine)?;
     all.get(engine)?.apply(&mut config);
-    RETAINED.0.get(usize::from(config.port))?.load(config.fingerprint(), reset)
+    Some(config)
 }
 
 /// What was in force before the reset, where an engine was not at rest then: it stays, whatever is stored, as the other end of the wire is

@@ -168,23 +168,48 @@ pub struct Outputs {
     cold_since: Option<Instant>,
 }
 
+/// What is known of an engine from before a reset of the node.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Before {
+    /// Its record: [`jetlink::engine::retained::RetainedMemory::load`].
+    pub record: Option<RetainedState>,
+    /// Whether starter and ignition had power ([`Before::power`]); `None`: it is not known.
+    pub power: Option<bool>,
+    /// The firmware has failed in repeated starts ([`crate::starts`]).
+    pub has_failed: bool,
+}
+
+impl Before {
+    /// The number to retain for the power of an engine with this fingerprint ([`jetlink::config::EngineConfig::fingerprint`]).
+    pub const fn number(fingerprint: u32, power: bool) -> u32 {
+        if power { fingerprint } else { !fingerprint }
+    }
+
+    /// The power of the engine with this fingerprint, from the number that was retained. `None`: it was lost, or is another engine's.
+    pub fn power(fingerprint: u32, number: Option<u32>) -> Option<bool> {
+        [true, false].into_iter().find(|power| number == Some(Self::number(fingerprint, *power)))
+    }
+}
+
 impl Outputs {
-    /// The outputs after a reset, from the engine's retained state: [`jetlink::engine::retained::RetainedMemory::load`]. Drive the pins
-    /// ([`crate::wiring::OutputConfig::levels`]) before anything else.
+    /// The outputs after a reset. Drive the pins ([`crate::wiring::OutputConfig::levels`]) before anything else.
     ///
-    /// The valve is open only if the record says that the engine runs and that nothing stops it. A start that was under way is
-    /// none: the engine ends it. `has_failed`: the firmware has failed in repeated starts ([`crate::starts`]), and the valve is closed.
-    pub fn new(settings: OutputSettings, retained: Option<RetainedState>, has_failed: bool) -> Self {
-        let runs = retained.is_some_and(|record| {
+    /// The valve is open only if the record says that the engine runs and that nothing stops it, and the firmware has not failed in
+    /// repeated starts. A start that was under way is none: the engine ends it. The power stays as it was: only reports of a cold engine
+    /// turn it off, and a reset is none. The record of an armed engine turns it on; so does that of one that ran or was stopped, where it is not
+    /// known.
+    pub fn new(settings: OutputSettings, before: Before) -> Self {
+        let Before { record, power, has_failed } = before;
+        let runs = record.is_some_and(|record| {
             record.ran && !matches!(record.order, Order::EmergencyStop | Order::Standby)
         });
+        let armed = record.is_some_and(|record| record.armed);
         // An engine that was stopped may be hot.
-        let powered =
-            retained.is_some_and(|record| record.armed || record.ran || record.order == Order::EmergencyStop);
+        let needed = record.is_some_and(|record| record.ran || record.order == Order::EmergencyStop);
         Self {
             settings,
             valve: if runs && !has_failed { Valve::Open } else { Valve::Closed },
-            power: powered,
+            power: armed || power.unwrap_or(needed),
             cut: runs && has_failed,
             found: true,
             for_service: false,

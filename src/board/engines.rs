@@ -21,3 +21,8 @@ pub static RETAINED: Retained = Retained([const { RetainedMemory::new() }; PORTS
 // SAFETY: as above; of a `RetainedWord` only one with its inverse is used.
 #[unsafe(link_section = ".retained.wiring")]
 pub static WIRING: [RetainedWord; ENGINES.len()] = [const { RetainedWord::new() }; ENGINES.len()];
+
+/// Whether its starter and ignition have power, as one number ([`jetlink_rc::outputs::Before`]). Only images with outputs use it.
+// SAFETY: as above.
+#[unsafe(link_section = ".retained.power")]
+pub static POWER: [RetainedWord; ENGINES.len()] = [const { RetainedWord::new() }; ENGINES.len()];

@@ -232,14 +232,15 @@ impl EngineContext {
         }
     }
 
-    /// The node begins with this record; `has_failed`: its starts have failed for too long. Gives its receiver of radio control.
+    /// The node begins with this engine's record; `has_failed`: its starts have failed for too long. Gives its receiver of radio control.
     pub fn begin<'a>(
         &mut self,
+        fingerprint: u32,
         record: Option<RetainedState>,
         has_failed: bool,
         owner: &Owner<'a>,
     ) -> Option<Receiver<'a>> {
-        self.valve.begin(&mut self.history, now(), record, has_failed);
+        self.valve.begin(&mut self.history, now(), fingerprint, record, has_failed);
         // What was configured in flight is lost at a reset.
         if let (Some(share), [.., _]) = (self.setup.rules.when_other_fails, &self.history.shares[..]) {
             self.history.shares.push((now(), share));
@@ -270,6 +271,11 @@ impl EngineContext {
     /// Whether its valve is closed because the node's starts have failed for too long.
     pub fn is_cut(&self) -> bool {
         self.valve.is_cut()
+    }
+
+    /// Nothing is left of the memory of its outputs.
+    pub const fn forget(&mut self) {
+        self.valve.forget();
     }
 
     /// There is no node from here on.

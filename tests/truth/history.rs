@@ -551,6 +551,8 @@ pub struct History {
     pub samples: Vec<Sample>,
     pub marks: Vec<(u64, Mark)>,
     pub resets: Vec<Reset>,
+    /// Ends of resets behind which the engine has another name: what was retained is another engine's.
+    pub renamed: Vec<u64>,
     /// The ECU has no power.
     pub unpowered: Spans,
     /// Nothing comes through from the ECU to the node.
@@ -618,6 +620,7 @@ impl History {
             samples: Vec::new(),
             marks: Vec::new(),
             resets: Vec::new(),
+            renamed: Vec::new(),
             unpowered: Spans::default(),
             mute: Spans::default(),
             deaf: Spans::default(),

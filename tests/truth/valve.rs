@@ -3,7 +3,7 @@
 use crate::history::{History, Pin, SECOND};
 use jetlink::engine::retained::RetainedState;
 use jetlink::telemetry::Telemetry;
-use jetlink_rc::outputs::{Outputs, Valve as Wanted};
+use jetlink_rc::outputs::{Before, Outputs, Valve as Wanted};
 use jetlink_rc::settings::OutputSettings;
 
 /// Delay of the relay at switch-off: it holds the valve while its pin floats.
@@ -14,6 +14,9 @@ const DELAY: u64 = 5 * SECOND;
 pub struct Valve {
     /// `None` without a node.
     outputs: Option<Outputs>,
+    /// The number that was retained of its power, with the fingerprint of its engine.
+    power: Option<u32>,
+    fingerprint: u32,
     /// When it was energised last; `None`: never.
     energised: Option<u64>,
     /// Time since which it has been shut.
@@ -22,13 +25,27 @@ pub struct Valve {
 
 impl Valve {
     pub const fn new() -> Self {
-        Self { outputs: None, energised: None, shut_since: Some(0) }
+        Self { outputs: None, power: None, fingerprint: 0, energised: None, shut_since: Some(0) }
     }
 
-    /// The node begins.
-    pub fn begin(&mut self, history: &mut History, at: u64, record: Option<RetainedState>, has_failed: bool) {
-        self.outputs = Some(Outputs::new(OutputSettings::DEFAULT, record, has_failed));
+    /// The node begins with this engine's record; `has_failed`: its starts have failed for too long.
+    pub fn begin(
+        &mut self,
+        history: &mut History,
+        at: u64,
+        fingerprint: u32,
+        record: Option<RetainedState>,
+        has_failed: bool,
+    ) {
+        let power = Before::power(fingerprint, self.power);
+        self.outputs = Some(Outputs::new(OutputSettings::DEFAULT, Before { record, power, has_failed }));
+        self.fingerprint = fingerprint;
         self.drive(history, at);
+    }
+
+    /// Nothing is left of the memory.
+    pub const fn forget(&mut self) {
+        self.power = None;
     }
 
     /// There is no node.
@@ -62,6 +79,7 @@ impl Valve {
             Some(Wanted::Open) => Pin::Open,
         };
         let power = self.outputs.as_ref().map(Outputs::power);
+        self.power = power.map(|power| Before::number(self.fingerprint, power)).or(self.power);
         if history.power.last().is_none_or(|(_, before)| *before != power) {
             history.power.push((at, power));
         }

@@ -166,10 +166,12 @@ fn play<const N: usize>(
             for word in memory.iter().flat_map(words) {
                 word.store(rng.next() as u32, Ordering::Relaxed);
             }
+            contexts.iter_mut().for_each(EngineContext::forget);
         }
         halves = down_for(rng, &mut contexts, &mut vehicle, down_at + down, end);
         for context in &mut contexts {
             context.history.resets.push(Reset { down: down_at, up: now(), cause });
+            context.history.renamed.extend(other.then(now));
         }
     }
     contexts.iter_mut().for_each(EngineContext::end);
@@ -297,8 +299,9 @@ fn boot<const N: usize>(
     let mut receivers = Vec::new();
     let places = contexts.iter_mut().zip(configs).zip(memory).zip(&owners).enumerate();
     for (engine, (((context, config), memory), owner)) in places {
-        let record = memory.load(config.fingerprint(), reset);
-        receivers.push(context.begin(record, failed.close(engine), owner));
+        let fingerprint = config.fingerprint();
+        let record = memory.load(fingerprint, reset);
+        receivers.push(context.begin(fingerprint, record, failed.close(engine), owner));
     }
     let mut service = vehicle.as_mut().map(|vehicle| vehicle.begin::<N>(now(), &owners, configs));
     let mut tasks: Tasks<'_> = nature(contexts);

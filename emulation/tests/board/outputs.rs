@@ -376,18 +376,10 @@ fn reset_in_each(mut run: Run, board: &'static Board, resets: &[(Nanos, State, K
                 valve.name
             );
         }
-        // What was armed, ran or was stopped has its starter's power at once.
-        let powered = match kind {
-            // What nobody has armed again since the last loss of power is known by the reports alone.
-            Kind::Watchdog | Kind::Software | Kind::Pin => state != State::Cooling,
-            Kind::BrownOut => continues || state == State::StopLatched,
-            Kind::PowerOn => false,
-        };
-        if powered {
-            driven_after(&report, POWER, reset, POWER.on);
-        } else if matches!(kind, Kind::PowerOn) {
-            driven_after(&report, POWER, reset, POWER.off());
-        }
+        // A hot engine keeps its starter's power, also in standby.
+        let powered = !matches!(kind, Kind::PowerOn);
+        let power = if powered { POWER.on } else { POWER.off() };
+        driven_after(&report, POWER, reset, power);
     }
 }
 

@@ -12,7 +12,7 @@ use jetlink::engine::retained::{self, RetainedMemory};
 use jetlink::report::Counters;
 use jetlink::telemetry::Telemetry;
 use jetlink::units::Throttle;
-use jetlink_rc::outputs::{Change, Outputs};
+use jetlink_rc::outputs::{Before, Change, Outputs};
 use jetlink_rc::settings::OutputSettings;
 use jetlink_rc::shared::Shared;
 use jetlink_rc::wiring::{OutputConfig, OutputPin};
@@ -103,9 +103,13 @@ impl<'a> Node<'a> {
             Cause::BrownOut | Cause::PowerLost => retained::Reset::PowerLost,
         };
         // From what was retained, before anything else.
+        let last = self.outputs.take();
+        let is_kept = self.cause.get() != Cause::PowerLost;
         let outputs = self.memory.iter().zip(self.output_settings.get()).enumerate();
         let outputs = outputs.map(|(i, (memory, settings))| {
-            Outputs::new(settings, memory.load(self.config(i).fingerprint(), reset), false)
+            let record = memory.load(self.config(i).fingerprint(), reset);
+            let power = last.get(i).map(Outputs::power).filter(|_| is_kept);
+            Outputs::new(settings, Before { record, power, has_failed: false })
         });
         let outputs: Vec<Outputs> = outputs.collect();
         for (i, outputs) in outputs.iter().enumerate() {

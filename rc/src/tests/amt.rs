@@ -1,7 +1,7 @@
 //! An AMT engine, which a node finds in its start after a reset, and which has no speed control.
 
 use crate::channels::{Channels, Pulse};
-use crate::outputs::{Outputs, Valve};
+use crate::outputs::{Before, Outputs, Valve};
 use crate::pilot::{Outcome, Pilot};
 use crate::settings::{EngineSettings, OutputSettings};
 use embassy_futures::join::join;
@@ -88,7 +88,7 @@ async fn life(
         handle: owner.handle(),
         switch: Cell::new(switch),
         pilot: RefCell::new(Pilot::new(owner.source(Origin::Rc).unwrap(), &ENGINE, settings).unwrap()),
-        outputs: RefCell::new(Outputs::new(OutputSettings::DEFAULT, record, false)),
+        outputs: RefCell::new(Outputs::new(OutputSettings::DEFAULT, Before { record, ..Before::default() })),
         outcomes: RefCell::default(),
     };
     let work = join(channel.runner().run(rx, tx, &ERRORS), world.serve());

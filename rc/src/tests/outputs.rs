@@ -1,6 +1,6 @@
 //! The valve and the power, for each state of an engine: a snapshot of a real one, changed.
 
-use crate::outputs::{Change, Outputs, Valve, Why};
+use crate::outputs::{Before, Change, Outputs, Valve, Why};
 use crate::settings::OutputSettings;
 use crate::wiring::{OutputConfig, OutputPin, PinLevel, check_board, check_outputs};
 use embassy_time::{Duration, Instant};
@@ -44,9 +44,13 @@ fn snapshot(order: Order, phase: Option<Phase>, rpm: Option<u32>) -> Telemetry {
     telemetry
 }
 
+fn before(record: Option<RetainedState>, has_failed: bool) -> Before {
+    Before { record, has_failed, ..Before::default() }
+}
+
 fn outputs(valve: Valve) -> Outputs {
     let record = RetainedState::new(RUN, Origin::Rc);
-    Outputs::new(OutputSettings::DEFAULT, (valve == Valve::Open).then_some(record), false)
+    Outputs::new(OutputSettings::DEFAULT, before((valve == Valve::Open).then_some(record), false))
 }
 
 /// What an update makes of a valve that was closed, and of one that was open.
@@ -305,7 +309,7 @@ fn an_engine_that_the_node_itself_stops_in_doubt_is_judged_by_its_state_alone() 
 #[test]
 fn a_valve_that_was_closed_for_failed_starts_stays_closed_until_the_engine_is_at_rest() {
     let ran = RetainedState::new(RUN, Origin::Rc).with(|state| state.ran = true);
-    let mut outputs = Outputs::new(OutputSettings::DEFAULT, Some(ran), true);
+    let mut outputs = Outputs::new(OutputSettings::DEFAULT, before(Some(ran), true));
     assert_eq!((outputs.valve(), outputs.power(), outputs.is_cut()), (Valve::Closed, true, true));
     assert_eq!(outputs.restored()[0], Change::Valve(Valve::Closed, Why::FailedStarts));
     let mut service = snapshot(Order::Standby, Some(Phase::Running), Some(60_000));
@@ -327,7 +331,7 @@ fn a_valve_that_was_closed_for_failed_starts_stays_closed_until_the_engine_is_at
     assert_eq!(outputs.valve(), Valve::Open, "a new start");
     // An ECU may turn a hot turbine for as long as it cools, and take a start meanwhile: that opens it. A start that was found after a
     // reset does not, and neither does an order without one.
-    let cut = Outputs::new(OutputSettings::DEFAULT, Some(ran), true);
+    let cut = Outputs::new(OutputSettings::DEFAULT, before(Some(ran), true));
     let mut start = snapshot(RUN, Some(Phase::Standby), Some(4900));
     start.start_by = Some(start.at + Duration::from_secs(60));
     let mut found = start;
@@ -350,9 +354,34 @@ fn a_valve_that_was_closed_for_failed_starts_stays_closed_until_the_engine_is_at
     }
     // Where no valve was to be open nothing is cut.
     for record in [None, Some(RetainedState::new(Order::Standby, Origin::Rc))] {
-        let outputs = Outputs::new(OutputSettings::DEFAULT, record, true);
+        let outputs = Outputs::new(OutputSettings::DEFAULT, before(record, true));
         assert!(!outputs.is_cut() && outputs.valve() == Valve::Closed);
     }
+}
+
+/// Shut down and hot, an engine needs its starter: no record says so, only the power that it had.
+#[test]
+fn power_stays_as_it_was_over_a_reset() {
+    let [left, right] = [0xABCD_EF01, 7];
+    let shut_down = RetainedState::new(Order::Standby, Origin::Rc);
+    let after = |record, power| {
+        Outputs::new(OutputSettings::DEFAULT, Before { record: Some(record), power, ..Before::default() })
+            .power()
+    };
+    for on in [true, false] {
+        let number = Some(Before::number(left, on));
+        assert_eq!(Before::power(left, number), Some(on));
+        assert_eq!(
+            [Before::power(right, number), Before::power(left, None)],
+            [None; 2],
+            "another engine's, or lost"
+        );
+        assert_eq!(after(shut_down, Before::power(left, number)), on);
+        // A stop that is latched on an engine that has cooled.
+        assert_eq!(after(RetainedState::new(Order::EmergencyStop, Origin::Rc), Some(on)), on);
+        assert!(after(shut_down.with(|record| record.armed = true), Some(on)));
+    }
+    assert!(!after(shut_down, None));
 }
 
 #[test]
@@ -391,7 +420,7 @@ fn every_change_has_its_reason_and_nothing_else_is_a_change() {
 #[test]
 fn after_a_reset_the_valve_is_open_only_for_an_engine_that_ran_under_an_order_to_run() {
     let after = |record: Option<RetainedState>| {
-        let outputs = Outputs::new(OutputSettings::DEFAULT, record, false);
+        let outputs = Outputs::new(OutputSettings::DEFAULT, before(record, false));
         (outputs.valve(), outputs.power())
     };
     assert_eq!(after(None), (Valve::Closed, false), "no record");
@@ -454,7 +483,7 @@ fn power_is_on_from_armed_until_cold_and_at_rest() {
     for (telemetry, power) in
         [(cooling, true), (running, true), (hot, false), (turning, false), (silent, false)]
     {
-        let mut restarted = Outputs::new(OutputSettings::DEFAULT, None, false);
+        let mut restarted = Outputs::new(OutputSettings::DEFAULT, before(None, false));
         restarted.update(&telemetry);
         assert_eq!(restarted.power(), power, "{telemetry:?}");
     }
@@ -462,7 +491,7 @@ fn power_is_on_from_armed_until_cold_and_at_rest() {
     for (order, power) in
         [(RUN, true), (DOUBT, true), (Order::Pwm, true), (Order::Listen, false), (Order::Standby, false)]
     {
-        let mut restarted = Outputs::new(OutputSettings::DEFAULT, None, false);
+        let mut restarted = Outputs::new(OutputSettings::DEFAULT, before(None, false));
         restarted.update(&snapshot(order, None, None));
         assert_eq!(restarted.power(), power, "{order}");
     }
@@ -509,7 +538,7 @@ fn odd_report_of_a_cold_exhaust_leaves_starter_and_ignition_their_power() {
     // Ten reports a second, in °C: when the power goes off, in ms.
     let off_after = |egt: &dyn Fn(u64) -> i16| {
         let record = RetainedState::new(Order::EmergencyStop, Origin::Rc);
-        let mut outputs = Outputs::new(OutputSettings::DEFAULT, Some(record), false);
+        let mut outputs = Outputs::new(OutputSettings::DEFAULT, before(Some(record), false));
         (0..1000_u64).map(|tenth| tenth * 100).find(|&ms| {
             let mut telemetry = snapshot(Order::EmergencyStop, Some(Phase::Stopped), Some(0));
             telemetry.at = T0 + Duration::from_millis(ms);
@@ -535,7 +564,7 @@ fn odd_report_of_a_cold_exhaust_leaves_starter_and_ignition_their_power() {
 fn levels_follow_the_polarity_and_an_output_without_a_pin_is_not_driven() {
     let run = RetainedState::new(RUN, Origin::Rc).with(|state| state.armed = true);
     for (record, on) in [(None, false), (Some(run), true)] {
-        let outputs = Outputs::new(OutputSettings::DEFAULT, record, false);
+        let outputs = Outputs::new(OutputSettings::DEFAULT, before(record, false));
         let levels = |config: OutputConfig| config.levels(&outputs).collect::<Vec<_>>();
         for low in [false, true] {
             let [valve, power] = [3, 4].map(|number| OutputPin { number, low });

@@ -3,7 +3,7 @@
 use super::world::*;
 use crate::crsf::Crsf;
 use crate::input::Input;
-use crate::outputs::Outputs;
+use crate::outputs::{Before, Outputs};
 use crate::parameters::{Parameters, apply, rows};
 use crate::pilot::Pilot;
 use crate::sbus::Sbus;
@@ -150,7 +150,10 @@ fn outputs_and_their_changes_reach_mavlink_as_far_as_there_are_pins() {
     assert!(parameters.has_outputs() && parameters.channels(Instant::from_secs(1)).is_none());
     assert_eq!(parameters.outputs(0), attached::Outputs::default());
     let ran = RetainedState::new(RUN_AT_IDLE, Origin::Rc).with(|state| state.ran = true);
-    let outputs = Outputs::new(OutputSettings::DEFAULT, Some(ran), false);
+    let outputs = Outputs::new(
+        OutputSettings::DEFAULT,
+        Before { record: Some(ran), has_failed: false, ..Before::default() },
+    );
     let valve = OutputConfig::valve(OutputPin::high(0));
     shared.set(1, &valve, &outputs, outputs.restored());
     assert_eq!(parameters.outputs(1), attached::Outputs { valve: Some(true), power: None });
@@ -158,7 +161,10 @@ fn outputs_and_their_changes_reach_mavlink_as_far_as_there_are_pins() {
     assert_eq!((change.engine, change.what, change.alarming), (1, "fuel valve open", false));
     assert_eq!(parameters.next_change(), None, "it has no output for power");
     // More than the queue takes: the last ones stay.
-    let cut = Outputs::new(OutputSettings::DEFAULT, Some(ran), true);
+    let cut = Outputs::new(
+        OutputSettings::DEFAULT,
+        Before { record: Some(ran), has_failed: true, ..Before::default() },
+    );
     (0..20).for_each(|_| shared.set(0, &valve.with_power(OutputPin::high(1)), &cut, cut.restored()));
     assert_eq!(parameters.outputs(0), attached::Outputs { valve: Some(false), power: Some(true) });
     let changes: std::vec::Vec<_> = core::iter::from_fn(|| parameters.next_change()).collect();

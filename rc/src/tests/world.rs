@@ -3,7 +3,7 @@
 use crate::channels::Channels;
 use crate::crsf::Crsf;
 use crate::input::Input;
-use crate::outputs::{Outputs, Valve};
+use crate::outputs::{Before, Outputs, Valve};
 use crate::pilot::{Outcome, Pilot};
 use crate::pwm::Pwm;
 use crate::sbus::Sbus;
@@ -319,7 +319,10 @@ pub async fn life(life: &Life<'_>, (rx, tx): (WireRx, WireTx), scenario: impl As
         handle: owner.handle(),
         plug: life.plug,
         pilot: RefCell::new(pilot),
-        outputs: RefCell::new(Outputs::new(OutputSettings::DEFAULT, retained, false)),
+        outputs: RefCell::new(Outputs::new(
+            OutputSettings::DEFAULT,
+            Before { record: retained, ..Before::default() },
+        )),
         input: RefCell::new(life.radio.kind.input()),
         lower: Cell::new(None),
         lower_source: owner.source(Origin::Mavlink).unwrap(),

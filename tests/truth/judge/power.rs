@@ -68,32 +68,17 @@ impl Case<'_> {
         self.h.rules.arming && self.command_log.surely_armed(at)
     }
 
-    /// The record of an armed engine, of a stop or of one that runs has it on before anything is received.
+    /// A reset is no report of a cold engine: what had power has it before anything is received. Of another engine's memory a stop is left.
     fn power_survives_a_reset(&mut self) {
         let h = self.h;
         let [on, off] = [true, false].map(|power| h.power_is(Some(power)));
         for reset in h.resets.iter().filter(|reset| reset.cause != Cause::PowerOn) {
-            let known = reset.down.saturating_sub(self.two_states() + LATE);
-            let samples = h.samples(known, reset.down);
-            // Over a brown-out only a run leaves that it ran.
-            let frames = h.frames_within(0, reset.down);
-            let ordered = frames.iter().rev().find_map(|frame| frame.sent.switch()) == Some(Switch::Run);
-            let runs = ordered
-                && !samples.is_empty()
-                && samples.iter().all(|sample| sample.runs())
-                && self.could_know(reset.down);
-            let stopped = self.stopped.within(reset.down.saturating_sub(LATE), reset.up) >= LATE;
-            let armed = reset.cause == Cause::Watchdog && self.surely_armed(reset.down);
-            let had = on.within(reset.down.saturating_sub(LATE), reset.down) == LATE;
-            if had && (runs || stopped || armed) && off.contains(reset.up + 1) {
-                let why = if stopped {
-                    "a stop was latched"
-                } else if armed {
-                    "it was armed"
-                } else {
-                    "it ran"
-                };
-                let text = format!("the node begins, {why}, and the starter has no power");
+            let before = reset.down.saturating_sub(LATE);
+            let had = on.within(before, reset.down) == LATE;
+            let stopped = self.stopped.within(before, reset.up) >= LATE;
+            let known = stopped || !h.renamed.contains(&reset.up);
+            if had && known && off.contains(reset.up + 1) {
+                let text = "the node begins, and the starter has lost its power";
                 self.verdict.finding(Rule::Power, reset.up, text);
             }
         }
@@ -122,6 +107,8 @@ impl Case<'_> {
             if self.is_disturbed(from.saturating_sub(SECOND), at) {
                 continue;
             }
+            // What ended before the first of these reports was made is in none of them.
+            let from = from + self.one_state();
             // A report of what was before may still count.
             let until = at.saturating_sub(self.one_state());
             let busy = h.samples(from, until).iter().find(|sample| {

@@ -73,19 +73,30 @@ fn starter_of_an_engine_that_is_sent_run_has_power() {
 }
 
 #[test]
-fn reset_keeps_the_power_with_a_record_and_a_loss_of_power_does_not() {
-    let reset = |cause, after: bool, later: &[(f64, Option<bool>)]| {
+fn reset_keeps_the_power_that_was_and_a_loss_of_power_does_not() {
+    let reset_at = |down: u64, cause, after: bool, later: &[(f64, Option<bool>)], renamed| {
         let resets = move |h: &mut History| {
-            h.resets.push(Reset { down: 43 * SECOND, up: 44 * SECOND, cause });
-            h.frames.retain(|frame| !(43 * SECOND..micros(44.2)).contains(&frame.at));
+            let (down, up) = (down * SECOND, (down + 1) * SECOND);
+            h.resets.push(Reset { down, up, cause });
+            h.renamed.extend(Some(up).filter(|_| renamed));
+            h.frames.retain(|frame| !(down..up + micros(0.2)).contains(&frame.at));
         };
-        let changes = [&[(43.0, None), (44.0, Some(after))], later, &[(65.0, Some(false))]].concat();
+        let [down, up] = [down as f64, (down + 1) as f64];
+        let changes = [&[(down, None), (up, Some(after))], later, &[(65.0, Some(false))]].concat();
         let verdict = power(stopped(ZK5), &changes).with(resets).judged();
         verdict.rules().contains(&Rule::Power)
     };
-    assert_eq!([Cause::Watchdog, Cause::BrownOut].map(|cause| reset(cause, true, &[])), [false; 2]);
+    let reset = |cause, after, later: &[_]| reset_at(43, cause, after, later, false);
     // The ECU reports that it cools: then it is on again.
     let again = [(44.9, Some(true))];
+    for cause in [Cause::Watchdog, Cause::BrownOut] {
+        assert!(!reset(cause, true, &[]));
+        assert!(reset(cause, false, &again), "{cause}: hot, and a stop is latched");
+    }
     assert!(!reset(Cause::PowerOn, false, &again));
     assert!(reset(Cause::PowerOn, true, &[]));
+    // In flight nothing but the power itself says so where the memory is another engine's.
+    let again = [(31.02, Some(true))];
+    assert!(reset_at(30, Cause::BrownOut, false, &again, false));
+    assert!(!reset_at(30, Cause::BrownOut, false, &again, true));
 }
