@@ -2,6 +2,7 @@
 
 use super::data::{Engine, Mode};
 use super::life::{Finding, Life};
+use super::retained::SILENCE_STEP;
 use super::run::{Arbitration, RUN_OUT, Run};
 use crate::link::Link;
 use embassy_time::{Duration, Instant};
@@ -34,8 +35,13 @@ impl Engine {
             Mode::Pwm { life, start_by } => self.life_deadline(life, *start_by),
             Mode::Stop(_) | Mode::Standby => None,
         };
+        // Without any input, too, the record has how long a silence lasts.
+        let record = match &self.mode {
+            Mode::Listen(_) | Mode::Run(_) => Some(now + SILENCE_STEP),
+            Mode::Pwm { .. } | Mode::Stop(_) | Mode::Standby => None,
+        };
         // A past deadline has been handled. It is set again by the input that it waits for.
-        [gap, wait, pump, sources, of_mode].into_iter().flatten().filter(|at| *at > now).min()
+        [gap, wait, pump, sources, of_mode, record].into_iter().flatten().filter(|at| *at > now).min()
     }
 
     /// Timeout of the start, of the ECU's own restart, or of the wait for a confirmation.

@@ -16,7 +16,7 @@ use embassy_time::Duration;
 const LAYOUT: u32 = 0x4A4C_0006;
 const WORDS: usize = 8;
 /// Resolution of a retained silence, 20 ms, so that a record does not change with every frame.
-const SILENCE_STEP: Duration = Duration::from_millis(20);
+pub(super) const SILENCE_STEP: Duration = Duration::from_millis(20);
 const SILENCE_STEPS_MAX: u32 = 0xFFFF;
 /// Steps of a coarse silence: 0.2 s, once a source was received after the last reset.
 const COARSE: u32 = 10;

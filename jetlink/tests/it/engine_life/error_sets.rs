@@ -103,7 +103,7 @@ fn amt_8_a_reset_ends_neither_the_serial_delay_nor_a_gap() {
     const BEGIN_US: u64 = 45_000;
     /// At 8 sets a second, the rate that the node expects until it has measured another.
     const AMT_PERIOD_US: u64 = 125_000;
-    // As the engine counts it: a reset takes 20 ms at least, and without an input no record is written.
+    // As the engine counts it: a reset takes 20 ms at least.
     const SERIAL_DELAY_RESETS: u64 = 4 * SECOND / 20_000;
     let table = [
         ("no silence", 0, 0, Some(Wire::Run(500))),
@@ -129,6 +129,30 @@ fn amt_8_a_reset_ends_neither_the_serial_delay_nor_a_gap() {
         scenario.fly_us(run(50), source, 10 * FRAME_PERIOD_US);
         let wires = scenario.sent();
         assert_eq!(wires.last().copied(), sent, "{name}: {wires:?}");
+    }
+}
+
+/// Nothing is received, neither of the ECU nor of a source, and the node is reset each 0.9 s: the serial delay time passes all the same, and
+/// the first set behind it is not answered.
+#[test]
+fn amt_12_a_silence_without_any_input_continues_over_resets() {
+    // The serial delay time is 4 s.
+    for (resets, answered) in [(3, true), (5, false)] {
+        let config = Ecu::Amt.config();
+        let mut scenario = flying(Ecu::Amt);
+        scenario.silent();
+        for _ in 0..resets {
+            scenario.pass_us(900_000);
+            scenario = scenario.reset(config);
+            scenario.silent();
+        }
+        scenario.reports = Some(Reports::Running);
+        scenario.sent();
+        scenario.pass_us(FRAME_PERIOD_US + FRAME_PERIOD_US / 2);
+        assert_eq!(!scenario.sent().is_empty(), answered, "{resets} resets");
+        // Two that agree are.
+        scenario.pass_us(3 * FRAME_PERIOD_US);
+        assert!(matches!(scenario.sent()[..], [.., Wire::Run(_)]), "{resets} resets");
     }
 }
 
