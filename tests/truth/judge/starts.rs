@@ -476,21 +476,21 @@ impl Case<'_> {
                     is_exempt(name);
                     continue;
                 }
-                // A node that was reset did not receive the power-up, and the first reports still show that the engine runs, with its
-                // shaft turning: a running engine.
+                // A reset of the node or a wire that was cut hid the power-up, and the first reports still show that the engine runs,
+                // with its shaft turning: a running engine.
+                let hidden = h
+                    .unpowered
+                    .last_before(at)
+                    .is_some_and(|(_, powered)| self.down.union(&h.mute).touches(powered, at));
                 let stale = anew.is_some_and(|anew| {
                     let reports = h.rules.boot + (1 + h.rules.stale) * h.rules.period + 100 * MS;
                     // By the setting: 20 in the raw unit in which idle is 60 to 74.
                     let turns = h.sample(at).is_some_and(|sample| sample.rpm > h.rules.idle_rpm / 4.0);
-                    h.rules.stale > 0
-                        && self.is_amt()
-                        && at < anew + reports
-                        && turns
-                        && self.down.touches(anew, at)
+                    h.rules.stale > 0 && self.is_amt() && at < anew + reports && turns && hidden
                 });
                 if stale {
                     is_exempt(
-                        "AMT, the first reports behind a power-up that a reset hid are those of before",
+                        "AMT, the first reports behind a power-up that was not received are those of before",
                     );
                     continue;
                 }

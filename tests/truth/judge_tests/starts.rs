@@ -541,15 +541,15 @@ fn a_brown_out_need_not_forget_who_has_to_disarm_first() {
     story(false, Cause::PowerOn).breaks(&[Rule::Granted]);
 }
 
-/// A node that was reset did not receive the power-up, and the first set still reports that the engine runs: with its shaft above half of
-/// idle, as it is set, it is answered.
+/// A reset of the node or a wire that was cut hid the power-up, and the first set still reports that the engine runs: with its shaft above
+/// half of idle, as it is set, it is answered.
 #[test]
 fn a_first_set_that_is_stale_is_answered_while_the_shaft_turns() {
-    let story = |rpm| {
+    let story = |rpm, hidden: &dyn Fn(&mut History)| {
         flight(AMT, 40.0)
             .with(|h| {
                 h.unpowered = Spans::from(&[(40 * SECOND, 45 * SECOND)]);
-                h.resets.push(Reset { down: 45_200 * MS, up: 45_350 * MS, cause: Cause::Watchdog });
+                hidden(h);
                 h.rules.stale = 1;
                 h.rules.serial_delay = 10 * SECOND;
             })
@@ -558,8 +558,16 @@ fn a_first_set_that_is_stale_is_answered_while_the_shaft_turns() {
             .wire(45.4, 45.5, HALF)
             .wire(45.6, 50.0, STANDBY)
     };
-    story(15_000.0).passes();
-    story(10_000.0).breaks(&[Rule::RunAtRest]);
+    let reset = |h: &mut History| {
+        h.resets.push(Reset { down: 45_200 * MS, up: 45_350 * MS, cause: Cause::Watchdog });
+    };
+    let cut = |h: &mut History| h.mute = Spans::from(&[(40 * SECOND, 45_350 * MS)]);
+    story(15_000.0, &reset).passes();
+    story(10_000.0, &reset).breaks(&[Rule::RunAtRest]);
+    story(15_000.0, &cut).passes();
+    story(10_000.0, &cut).breaks(&[Rule::RunAtRest]);
+    // One that was received is believed.
+    story(15_000.0, &|_| ()).breaks(&[Rule::RunAtRest]);
 }
 
 /// A start that its ECU has not reported yet, and an outage that is shorter than a gap: at rest still fits, until a gap can be
