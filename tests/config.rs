@@ -1,4 +1,4 @@
-//! The table of engines in the image is valid. It is also checked while it is compiled.
+//! The table of engines in the image is valid. It is also checked at compile time.
 
 use jetlink::config::validate;
 use jetlink_fw::config::ENGINES;

@@ -17,7 +17,7 @@ use source::{Crate, Edges, root};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Which files import which, or call methods of which.
+/// The imports between files, or their method calls.
 fn edges(crate_: &Crate) -> Edges {
     let mut edges = crate_.imports();
     for (file, targets) in methods::edges(crate_) {
@@ -58,7 +58,8 @@ fn assert_one_way(root: &Path) {
     }
 }
 
-/// The folder of every package, with a slash behind it; that of the root is empty. Members of the workspace, and those that it excludes.
+/// The folder of every package, with a trailing slash; that of the root is empty. Members of the workspace, and packages that it
+/// excludes.
 fn packages() -> Vec<String> {
     let manifest = std::fs::read_to_string(root("Cargo.toml")).unwrap();
     let list = |key: &str| -> Vec<String> {

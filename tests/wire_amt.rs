@@ -1,5 +1,5 @@
-//! The runner and an AMT link against a simulated AMT ECU over the wire. The ECU measures the reply window by
-//! itself and is the judge: `in_window`, `late`, `none` and `unsolicited` are its counts, not ours.
+//! The runner and an AMT link against a simulated AMT ECU over the wire. The ECU itself measures the reply
+//! window and is the judge: `in_window`, `late`, `none` and `unsolicited` are its counts, not ours.
 #![allow(clippy::disallowed_methods, reason = "a scenario keeps its own time")]
 
 use bench::wired::{Bench, LONG, control_frames, received, throttle};
@@ -48,7 +48,7 @@ fn amt_11_every_frame_is_answered_in_its_window_at_every_baud_rate() {
             bench.command_for(Command::Standby, Duration::from_secs(20)).await;
         });
         let stats = stats(&bench);
-        // The last frame may still be under way, and its reply.
+        // The last frame and its reply may still be in transmission.
         assert!(stats.frames.total() >= 400, "{baud}: {stats:?}");
         assert!(stats.frames.total() - stats.in_window <= 1, "{baud}: {stats:?}");
         assert_eq!((stats.late, stats.none, stats.unsolicited, stats.bad.total()), (0, 0, 0, 0), "{baud}");
@@ -65,8 +65,8 @@ fn amt_11_every_frame_is_answered_in_its_window_at_every_baud_rate() {
     }
 }
 
-/// AMT-11: a node that starts later than its port opened, at each phase of the ECU's frames: what has waited has an unknown age, so it is not
-/// answered. What comes from then on is.
+/// AMT-11: a node that starts later than its port opened, at each phase of the ECU's frames: bytes that have waited have an
+/// unknown age, so they are not answered. Later frames are.
 #[test]
 fn amt_11_a_frame_that_waited_in_the_port_is_not_answered_late() {
     let mut unanswered = 0;
@@ -82,7 +82,8 @@ fn amt_11_a_frame_that_waited_in_the_port_is_not_answered_late() {
         assert!(matches!(sim::clock::run_for(select(live, end), LONG), Some(Either::Second(()))));
         let stats = stats(&bench);
         assert_eq!((stats.late, stats.unsolicited, stats.bad.total()), (0, 0, 0), "{start} ms: {stats:?}");
-        // Each frame from then on, but for one under way, and the first two, which have to agree.
+        // Each frame from then on, except one in transmission, and the first two, which have to be
+        // consistent.
         assert!(stats.in_window >= 12, "{start} ms: {stats:?}");
         unanswered = unanswered.max(stats.none);
     }
@@ -145,7 +146,8 @@ fn amt_11_a_silent_ecu_is_sent_nothing() {
     assert!(messages.iter().all(|(_, message)| message.ops == Ops::EmergencyStop));
 }
 
-/// AMT-14, and the whole way: standby, start, throttle, standby. The values in telemetry are the turbine's.
+/// AMT-14, and the whole sequence: standby, start, throttle, standby. The values in telemetry are the
+/// turbine's.
 #[test]
 fn amt_14_the_start_throttle_is_sent_until_full_operation() {
     let bench = bench(2400, 5);
@@ -178,8 +180,8 @@ fn amt_14_the_start_throttle_is_sent_until_full_operation() {
     assert_eq!(stats(&bench).serial_delay_stops, 0);
 }
 
-/// AMT-12: an ECU that receives nothing stops the engine by itself. The node says that the link is lost, cancels
-/// the order to run, and a source that keeps sending `Run` does not start the engine again.
+/// AMT-12: an ECU that receives nothing stops the engine. The node reports that the link is lost, cancels the
+/// order to run, and a source that keeps sending `Run` does not start the engine again.
 #[test]
 fn amt_12_a_cut_line_stops_the_engine_and_nobody_restarts_it() {
     let bench = bench(2400, 6);
@@ -266,7 +268,7 @@ fn an_emergency_stop_is_in_the_next_reply_and_stays() {
     });
 }
 
-/// AMT-13: CTF goes out only by its own name, and the ECU then stops the engine after its serial delay.
+/// AMT-13: CTF is sent only when commanded by name, and the ECU then stops the engine after its serial delay.
 #[test]
 fn amt_13_ctf_goes_out_only_by_its_name() {
     let bench = bench(2400, 9);
@@ -306,7 +308,7 @@ fn a_babbling_ecu_does_not_hide_the_loss_of_the_link() {
     assert_eq!(lost, 1);
 }
 
-/// A transmitter that hangs costs replies, which are counted; reception continues as if nothing were.
+/// A transmitter that hangs costs replies, which are counted; reception continues undisturbed.
 #[test]
 fn a_hanging_transmitter_does_not_stall_reception() {
     let bench = bench(2400, 11);
@@ -326,7 +328,8 @@ fn a_hanging_transmitter_does_not_stall_reception() {
         assert_eq!(counters.sent, before.sent);
         assert!(received(&mut events).contains(&Event::NotSent(NotSent::TimedOut)));
 
-        // Healed: at most what hung in the UART comes out late, and from then on every frame is answered.
+        // The transmitter works again: at most the bytes stuck in the UART are sent late, and from then on
+        // every frame is answered.
         bench.plug.stall_tx(false);
         Timer::after(Duration::from_secs(1)).await;
         let healed = stats(&bench);
@@ -338,8 +341,8 @@ fn a_hanging_transmitter_does_not_stall_reception() {
     });
 }
 
-/// AMT-11: a reply that waits for what hung in the transmitter goes out in its window or not at all. The transmitter works again at any
-/// time between two frames.
+/// AMT-11: a reply that waits for bytes stuck in the transmitter is sent in its window or not at all. The transmitter works again
+/// at any time between two frames.
 #[test]
 fn amt_11_a_reply_behind_a_transmitter_that_hung_does_not_go_out_after_its_window() {
     let mut too_late = 0;
@@ -354,7 +357,7 @@ fn amt_11_a_reply_behind_a_transmitter_that_hung_does_not_go_out_after_its_windo
             bench.plug.stall_tx(false);
             Timer::after(Duration::from_secs(2)).await;
             let after = stats(&bench);
-            // What hung comes out whenever that is.
+            // The stuck bytes are sent whenever that is.
             let outside = after.late + after.unsolicited - before.late - before.unsolicited;
             assert!(outside <= 1, "{offset} ms: {before:?} {after:?}");
             assert!(after.in_window - before.in_window >= 13, "{offset} ms: {before:?} {after:?}");
@@ -385,8 +388,8 @@ fn read_errors_are_counted_and_survived() {
     });
 }
 
-/// AMT-1 and AMT-10 under noise both ways: whatever is on the wire is a message that was commanded, the engine
-/// recovers when the noise stops, and a damaged reply is the ECU's to refuse.
+/// AMT-1 and AMT-10 under noise both ways: every message on the wire was commanded, the engine recovers when
+/// the noise stops, and the ECU has to refuse a damaged reply.
 #[test]
 fn amt_10_noise_never_causes_an_unsolicited_command() {
     for seed in 0..8 {
@@ -408,7 +411,7 @@ fn amt_10_noise_never_causes_an_unsolicited_command() {
             bench.command_for(throttle(40), Duration::from_secs(60)).await;
             let log = bench.plug.take_log();
             for (_, message) in messages(&log) {
-                // A healthy engine continues, at what is commanded.
+                // A healthy engine continues at the commanded demand.
                 let expected = (Ops::Run, 80);
                 assert_eq!((message.ops, message.throttle_half_percent), expected, "seed {seed}");
             }
@@ -438,7 +441,7 @@ fn an_echo_is_not_answered() {
     assert!(frames > 200 && replies <= frames, "{replies} replies to {frames} frames");
 }
 
-/// AMT-9: an ECU that restarts says so by its set-up set.
+/// AMT-9: an ECU that restarts reports it by its set-up set.
 #[test]
 fn amt_9_a_restart_of_the_ecu_is_an_event() {
     let bench = bench(2400, 14);
@@ -478,7 +481,7 @@ fn amt_8_errors_are_reported_and_cleared() {
     assert_eq!(faults, [0b0010_1000, 0]);
 }
 
-/// One engine's trouble never touches another's timing.
+/// A fault of one engine never affects another's timing.
 #[test]
 fn a_babbling_neighbour_costs_no_reply() {
     let good = bench(2400, 16);

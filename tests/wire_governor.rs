@@ -1,5 +1,5 @@
-//! Speed control over the throttle on the simulated engines, over the wire. What the turbine does is measured at the
-//! turbine, not in the telemetry.
+//! Speed control by throttle, over the wire, on simulated engines. The speed is measured at the turbine, not in the
+//! telemetry.
 #![allow(clippy::disallowed_methods, reason = "a scenario keeps its own time")]
 
 use bench::wired::{Bench, LONG, rpm};
@@ -34,15 +34,15 @@ fn true_rpm(bench: &Bench<AmtEcu>) -> f64 {
 
 #[derive(Debug, Default)]
 struct Figures {
-    /// Until it stays within 1.5 % of the target, in s.
+    /// Time until the speed stays within 1.5 % of the target, in s.
     settled: f64,
-    /// In percent of the step.
+    /// Overshoot, in percent of the step.
     overshoot: f64,
-    /// How far it strays from the target at the end, in percent of it.
+    /// Deviation from the target at the end, in percent of the target.
     rest: f64,
 }
 
-/// Commands a speed for a time, and measures the way there.
+/// Commands a speed for a time, and measures the response.
 async fn step(bench: &Bench<AmtEcu>, target: u32, time: Duration) -> Figures {
     let from = true_rpm(bench);
     let target_rpm = f64::from(target);

@@ -98,8 +98,8 @@ async fn live_two<A: Ecu, B: Ecu>(
     join(engines, join(left.2.run(), right.2.run())).await;
 }
 
-/// A reset in flight, with its memory and without, at every phase of the ECU's period: the engine continues, and the
-/// throttle does not move. With its order in the record the first whole frame is answered, without it the second that agrees.
+/// A reset in flight, with its memory and without, at every phase of the ECU's period: the engine continues, and the throttle
+/// does not move. With its order in the record the first whole frame is answered, without it the second consistent one.
 #[test]
 fn an_engine_resumes_after_a_reset_in_flight() {
     // A frame every 125 ms at any baud rate.
@@ -159,7 +159,7 @@ fn an_engine_resumes_after_a_reset_in_flight() {
                 }
             }
             println!("{baud} baud, {with_memory}: first reply within {} ms of start-up", slowest.as_millis());
-            // A frame that was under way at start-up is lost, 25 ms of it at 2400 baud.
+            // A frame in transmission at start-up is lost, 25 ms of it at 2400 baud.
             assert!(slowest <= Duration::from_millis(frames * PERIOD + 25), "{} ms", slowest.as_millis());
         }
     }
@@ -179,7 +179,7 @@ fn a_latched_stop_survives_a_reset_in_flight() {
             command_as(&owner, Command::EmergencyStop, Origin::Rc).expect("never refused");
         })
         .await;
-        // The byte under way is cut short.
+        // The byte in transmission is cut short.
         let halves = plug.reset_node();
         Timer::after(Duration::from_millis(20)).await;
         plug.record(true);
@@ -203,8 +203,8 @@ fn a_latched_stop_survives_a_reset_in_flight() {
     }
 }
 
-/// One command to all engines: they start one after the other; one of two is lost: the other is informed, and left alone
-/// or reduced; and its timing is not touched.
+/// One command to all engines: they start one after the other. One of two is lost: the other is informed, and left alone
+/// or reduced; its timing is not affected.
 #[test]
 fn a_lost_engine_reduces_the_other_of_its_group() {
     for (option, expected) in [(None, 600), (Some(500), 300)] {
@@ -263,7 +263,8 @@ fn a_lost_engine_reduces_the_other_of_its_group() {
             }
             let events = received(&mut events);
             let (l, r) = (l.handle().telemetry(), r.handle().telemetry());
-            // Its ECU reports nothing but its error; the exhaust shows that it is out, and its source does not start it again.
+            // Its ECU reports only its error; the exhaust shows that the engine is out, and its source does not start it
+            // again.
             let of_left = received(&mut of_left);
             assert!(of_left.contains(&Event::RunCancelled(End::NotBurning)), "{of_left:?}");
             assert_eq!((l.failed, l.ordered.order), (true, Order::Standby));
@@ -349,7 +350,7 @@ fn an_emergency_stop_gets_through() {
     }
 }
 
-/// That an engine has failed is still known after a reset: the others of its group are informed again.
+/// The failure of an engine is still known after a reset: the others of its group are informed again.
 #[test]
 fn a_failure_is_reported_again_after_a_reset() {
     for failed in [false, true] {
@@ -407,7 +408,7 @@ fn a_stuck_transmitter_is_given_back_to_be_reopened() {
             start(&owner).await;
             fly_for(&owner, throttle(60), Duration::from_secs(5)).await;
             plug.stall_tx(true);
-            // What is commanded meanwhile is old when the transmitter continues.
+            // Commands given meanwhile are old when the transmitter continues.
             fly_for(&owner, throttle(80), pause).await;
             plug.take_log();
             if !reopened {

@@ -1,5 +1,5 @@
-//! The runner and a ZK link against a simulated ZK ECU over the wire. What the ECU counts and obeys is the judge,
-//! and what is on the wire is read by the simulation, not by our codec.
+//! The runner and a ZK link against a simulated ZK ECU over the wire. The ECU's counts and behaviour are the
+//! judge, and the simulation decodes the wire, not our codec.
 #![allow(clippy::disallowed_methods, reason = "a scenario keeps its own time")]
 
 use bench::wired::{Bench, LONG, control_frames, received, rpm, throttle};
@@ -103,8 +103,8 @@ fn zk_11_the_rate_is_set_and_confirmed() {
     assert!(received(&mut events).contains(&Event::RateConfirmed(Rate::Hz100)));
 }
 
-/// ZK-7, ZK-6: while the version is not known only version 1 commands go out and there is no voltage; a known
-/// version that is too low is named in the refusal.
+/// ZK-7, ZK-6: while the version is unknown, only version 1 commands are sent and there is no voltage; a
+/// known version that is too low is named in the refusal.
 #[test]
 fn zk_7_versions_gate_commands() {
     let three = bench(3);
@@ -138,7 +138,7 @@ fn zk_7_versions_gate_commands() {
     });
 }
 
-/// ZK-9 mode 1: switch and throttle in ID 1; the whole way from standby to standby.
+/// ZK-9 mode 1: switch and throttle in ID 1; the whole sequence from standby to standby.
 #[test]
 fn zk_9_in_mode_1_an_engine_starts_runs_and_shuts_down() {
     for version in 1..=5 {
@@ -195,8 +195,8 @@ fn zk_9_mode_2_the_switch_goes_by_id_6() {
     });
 }
 
-/// ZK-9 mode 3: ID 6 carries switch and RPM_X, ID 7 the rpm. The engine reaches what is commanded, the finest step is
-/// chosen, a throttle takes over again without a stop, and an emergency stop gets through.
+/// ZK-9 mode 3: ID 6 carries switch and RPM_X, ID 7 the rpm. The engine reaches the commanded speed, the finest step
+/// is chosen, a throttle takes over again without a stop, and an emergency stop gets through.
 #[test]
 fn zk_9_mode_3_the_engine_reaches_the_rpm() {
     for version in [4, 5] {
@@ -245,7 +245,7 @@ fn zk_9_mode_3_the_engine_reaches_the_rpm() {
     }
 }
 
-/// An emergency stop goes out of slot: at once, also at 20 Hz.
+/// An emergency stop is sent outside the slots: at once, also at 20 Hz.
 #[test]
 fn an_emergency_stop_does_not_wait_for_its_slot() {
     for after_turn_ms in [1, 5, 10, 20, 30, 49] {
@@ -270,13 +270,13 @@ fn an_emergency_stop_does_not_wait_for_its_slot() {
                 .into_iter()
                 .find(|(_, command)| *command == ZkCommand::Control { sw: Sw::Stop, throttle: 0 })
                 .expect("on the wire within 20 ms");
-            // At once, or behind the command that was going out.
+            // At once, or after the command that was being sent.
             assert!(stop.0 - wanted <= 4_200_000, "{} µs after it was commanded", (stop.0 - wanted) / 1000);
         });
     }
 }
 
-/// ZK-13: IDs 4 and 5 directly behind ID 3, and confirmed by status ID 5.
+/// ZK-13: IDs 4 and 5 directly after ID 3, and confirmed by status ID 5.
 #[test]
 fn zk_13_settings_are_unlocked_set_and_confirmed() {
     let bench = bench(4);
@@ -335,7 +335,7 @@ fn zk_14_pressure_goes_out_once_a_second_while_it_is_fresh() {
         let fresh = stats(&bench).pressures;
         assert!((9..=11).contains(&fresh), "{fresh} in 10 s");
         assert_eq!(bench.plug.ecu(|ecu| ecu.pressure()), Some(987));
-        // It goes stale: 5 s more, and then no more.
+        // It becomes stale: it is sent for 5 s more, and then no longer.
         Timer::after(Duration::from_secs(6)).await;
         let stale = stats(&bench).pressures;
         Timer::after(Duration::from_secs(10)).await;
@@ -352,8 +352,8 @@ fn zk_14_pressure_goes_out_once_a_second_while_it_is_fresh() {
     assert_eq!(stats(&never_asks).pressures, 0);
 }
 
-/// ZK-8: SW 0 goes out when the hand-over is commanded by name, and then it does. It counts as a start: it needs the source's
-/// own standby right before it.
+/// ZK-8: SW 0 is sent only when the hand-over is commanded by name. It counts as a start: it needs the source's own standby
+/// right before it.
 #[test]
 fn zk_8_the_hand_over_to_pwm_goes_out_by_its_name() {
     let bench = bench(4);
@@ -380,8 +380,8 @@ fn zk_8_the_hand_over_to_pwm_goes_out_by_its_name() {
     assert_eq!(bench.plug.ecu(|ecu| ecu.controlled_by()), sim::zk::ControlledBy::Pwm);
 }
 
-/// ZK-10: an ECU of version 5 keeps the engine running without us; a silent source therefore has to be our
-/// business, and the throttle comes down on the wire.
+/// ZK-10: an ECU of version 5 keeps the engine running without us; the node therefore has to handle a silent
+/// source, and lowers the throttle on the wire.
 #[test]
 fn zk_10_a_silent_source_brings_a_version_5_engine_to_idle() {
     let bench = bench(5);
@@ -392,7 +392,7 @@ fn zk_10_a_silent_source_brings_a_version_5_engine_to_idle() {
         Timer::after(Duration::from_secs(20)).await;
         assert!(bench.plug.ecu(|ecu| ecu.turbine().load()) < 0.05);
         assert!(bench.in_phase(Phase::Running));
-        // The control: with the line cut nobody can, and the ECU keeps what it had.
+        // The control: with the line cut nothing can, and the ECU keeps its demand.
         bench.command_for(throttle(90), Duration::from_secs(20)).await;
         bench.plug.cut(true);
         let cut_at = sim::clock::now_ns();
@@ -414,8 +414,8 @@ fn zk_10_a_silent_source_brings_a_version_5_engine_to_idle() {
     });
 }
 
-/// Loss is found by the timer after 0.5 s, reported once, and the link comes back by itself; up to version 4 the ECU
-/// sends only when it receives, so the slots have to continue.
+/// The timer detects loss after 0.5 s, it is reported once, and the link recovers without help; up to version 4 the
+/// ECU sends only when it receives, so the slots have to continue.
 #[test]
 fn a_cut_line_is_reported_once_and_comes_back() {
     for version in [1, 4, 5] {
@@ -440,7 +440,7 @@ fn a_cut_line_is_reported_once_and_comes_back() {
     }
 }
 
-/// ZK-16 and ZK-1 under noise both ways: nothing on the wire that nobody commanded, and recovery.
+/// ZK-16 and ZK-1 under noise both ways: nothing unsolicited on the wire, and recovery.
 #[test]
 fn zk_16_noise_never_causes_an_unsolicited_command() {
     for seed in 0..8 {
@@ -467,12 +467,12 @@ fn zk_16_noise_never_causes_an_unsolicited_command() {
                     ZkCommand::Control { sw: Sw::Run, throttle: 0..=400 } => runs += 1,
                     // In doubt, after a gap or one odd report.
                     ZkCommand::Empty => doubts += 1,
-                    // A false status ID 6, one in 256 of what is damaged, can name another rate.
+                    // A false status ID 6, one in 256 damaged frames, can name another rate.
                     ZkCommand::Action(SimAction::Rate50) => {}
                     other => panic!("seed {seed}: {other:?}"),
                 }
             }
-            // 7 % to 15 % of the slots; the engine runs on.
+            // 7 % to 15 % of the slots; the engine keeps running.
             assert!(doubts * 4 < runs, "seed {seed}: {runs} run, {doubts} in doubt");
             assert!(bench.plug.ecu(|ecu| ecu.turbine().phase().is_live()), "seed {seed}");
             bench.plug.set_faults(Noise::default(), Noise::default());
@@ -488,7 +488,8 @@ fn zk_16_noise_never_causes_an_unsolicited_command() {
     }
 }
 
-/// Bytes without end: the slots continue to the tick, the loss of the link is found, and the link recovers.
+/// Bytes without end: the slots continue on time to the tick, the loss of the link is detected, and the link
+/// recovers.
 #[test]
 fn a_babbling_ecu_does_not_put_off_the_keep_alive() {
     let bench = bench_on(Line::new(115_200), Rate::Hz100, 5, |_| {});

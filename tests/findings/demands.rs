@@ -1,5 +1,5 @@
-//! Findings 9 and 13: a demand beyond the maximum is clamped and counts as received, and demands move at a rate where they
-//! used to jump.
+//! Findings 9 and 13: a demand beyond the maximum is clamped and counts as received, and demands that used to jump now
+//! move at a rate.
 
 use crate::wire::Sent;
 use crate::world::*;
@@ -10,13 +10,13 @@ use sim::ecu::{MILLIS, Nanos};
 use sim::turbine::{EgtSensor, Phase};
 use sim::zk::ZkCommand;
 
-/// The rate at which a demand rises where another rule than the pilot's stick moves it, in parts of the whole a second.
+/// Rate at which a demand rises where something other than the pilot's stick moves it, as a fraction per second.
 const RATE: f64 = 0.5;
 /// One step of the demand, and the rounding of a frame.
 const GRAIN: f64 = 0.03;
 const MAX_RPM: u32 = 160_000;
 
-/// The demands that came with run since then, in parts of the whole.
+/// The demands sent with run since then, as fractions.
 fn demands<const N: usize>(world: &World<N>, engine: usize, since: Nanos) -> Vec<(Nanos, f64)> {
     let mut factor = 0;
     let mut demands = Vec::new();
@@ -54,7 +54,7 @@ fn assert_rises_at_the_rate(demands: &[(Nanos, f64)]) {
     }
 }
 
-/// It rises all the same, and no later than it has to.
+/// It rises nevertheless, and no later than it has to.
 #[track_caller]
 fn assert_reaches(demands: &[(Nanos, f64)], demand: f64) {
     let last = demands.last().map_or(0.0, |&(_, demand)| demand);
@@ -101,7 +101,7 @@ fn demand_at_the_maximum_is_obeyed() {
 // Finding 13
 // -----------------------------------------------------------------------------------------------
 
-/// The pilot's stick goes up while the engine still starts.
+/// The pilot's stick goes up while the engine is still starting.
 #[test]
 fn throttle_rises_at_a_rate_after_a_start_with_the_stick_up() {
     for mut world in both() {
@@ -165,7 +165,7 @@ fn demand_rises_at_a_rate_after_a_gap() {
     }
 }
 
-/// An AMT engine with error sets only: while its exhaust is not known its demand is not raised.
+/// An AMT engine with error sets only: while its exhaust temperature is unknown, its demand is not raised.
 #[test]
 fn demand_held_while_the_exhaust_is_not_known_rises_at_a_rate() {
     let mut world = World::one(amt(|_, _| {}));
@@ -184,7 +184,7 @@ fn demand_held_while_the_exhaust_is_not_known_rises_at_a_rate() {
     assert_reaches(&demands, 0.6);
 }
 
-/// A limit that held the demand at the fail-safe: after standby and a new start nothing jumps either.
+/// A limit that held the demand at the fail-safe: after standby and a new start, nothing jumps either.
 #[test]
 fn demand_rises_at_a_rate_after_a_start_that_follows_a_limit() {
     let mut world = World::one(zk(5, |config, _| {

@@ -1,5 +1,5 @@
-//! Finding 7: an AMT ECU with a fault sends error sets only, which do not say what its engine does. The exhaust does: an
-//! engine that burns continues, one that does not is not sent run.
+//! Finding 7: an AMT ECU with a fault sends error sets only, which do not report the engine's state. The exhaust shows
+//! it: a burning engine continues, any other is not sent run.
 
 use crate::world::*;
 use sim::amt::{AmtTemper, error};
@@ -25,8 +25,8 @@ fn burning_engine_with_error_sets_continues_at_its_demand() {
     assert_eq!(world.throttle_sent(0), Some(750));
 }
 
-/// Its source has been silent for long, which is to bring no standby while the engine runs. The exhaust shows that it does, and
-/// then the ECU again: the one report in between is no reason.
+/// Its source has long been silent, which must not cause standby while the engine runs. The exhaust shows that it does, and
+/// then the ECU again: the one report in between is not a reason.
 #[test]
 fn burning_engine_without_a_source_continues_when_its_fault_clears() {
     let mut world = World::one(amt(|_, _| {}));
@@ -56,7 +56,7 @@ fn burning_engine_with_error_sets_resumes_after_a_reset() {
 fn cold_after_a_reset(pilot: bool) {
     let mut world = flying_with_a_fault(75, AmtTemper::DEFAULT);
     world.halt();
-    // Without replies the ECU gives the engine up.
+    // Without replies the ECU shuts the engine down.
     world.pass(300.0);
     world.amt(|ecu| ecu.set_errors(error::SUPPLY_LOW));
     assert!(world.egt() < 100.0 && !world.phase().is_live(), "{}", world.egt());
@@ -105,7 +105,7 @@ fn run_ends_when_the_flame_goes_out_with_error_sets() {
     }
 }
 
-/// An ECU that forgets its fault by itself after a minute and obeys whatever it is sent then.
+/// An ECU that clears its fault after a minute and then obeys whatever it is sent.
 #[test]
 fn old_run_is_not_sent_after_fault_clears() {
     let temper = AmtTemper {

@@ -1,6 +1,6 @@
 //! A regression test for each finding that led to the rules of `docs/failsafe.md`: whole nodes against simulated ECUs,
-//! judged by what went over the wire and by what the turbines did. Beside each thing that must not happen there is one
-//! that must.
+//! judged by the frames on the wire and by the turbines. Beside each behaviour that is forbidden, a required one is
+//! tested.
 #![allow(clippy::disallowed_methods, reason = "a scenario keeps its own time")]
 
 mod demands;

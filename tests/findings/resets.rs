@@ -25,7 +25,7 @@ fn reset_loop(world: &mut World, period_seconds: f64, seconds: f64) {
     }
 }
 
-/// Since then the engine was not sent run above idle.
+/// Since then the engine has not been sent run above idle.
 #[track_caller]
 fn assert_not_above_idle(world: &World, since: u64) {
     let most = world.sent(since).filter_map(Frame::throttle).max();
@@ -65,7 +65,8 @@ fn demand_of_a_dead_source_does_not_outlive_a_reset_loop_on_an_amt_ecu() {
     }
 }
 
-/// Resets so quick that the node never receives enough to order anything; a ZK ECU from version 5 keeps its engine running.
+/// Resets so frequent that the node never receives enough to order anything; a ZK ECU from version 5 keeps its engine
+/// running.
 #[test]
 fn reset_loop_too_quick_to_listen_brings_a_zk_engine_without_a_source_to_standby() {
     let mut world = World::one(zk(5, |_, _| {}));
@@ -134,7 +135,7 @@ fn one_reset_of_an_engine_without_a_source_ends_at_idle() {
 // Finding 10, with a record
 // -----------------------------------------------------------------------------------------------
 
-/// An engine in one of the modes of ZK-9, and a node that is reset and receives nothing of its ECU.
+/// An engine in one of the modes of ZK-9, and a node that is reset and receives nothing from its ECU.
 fn deaf_after_a_reset(by_rpm: bool) -> World {
     let mut world = World::one(zk(5, |_, _| {}));
     world.start(Rc);
@@ -254,7 +255,7 @@ fn memory_that_survived_a_loss_of_power_does_not_arm_an_engine() {
     }
 }
 
-/// What the ECU reports is all there is then: the previous demand comes back from its source alone.
+/// Then only the ECU's reports are known: the previous demand returns only from its source.
 #[test]
 fn engine_in_flight_resumes_after_a_loss_of_power_that_memory_survived() {
     for engine in [zk(5, |_, _| {}), amt(|_, _| {})] {
@@ -290,7 +291,7 @@ fn latched_stop_survives_a_loss_of_power_that_memory_survived() {
     }
 }
 
-/// A changed limit is the same engine.
+/// An engine with a changed limit is the same engine.
 #[test]
 fn engine_resumes_after_a_reset_with_another_limit() {
     for engine in [zk(5, |_, _| {}), amt(|_, _| {})] {
@@ -305,14 +306,14 @@ fn engine_resumes_after_a_reset_with_another_limit() {
     }
 }
 
-/// What a pilot, a ground station and the LED can see, without what is only counted.
+/// The part of the telemetry that a pilot, a ground station and the LED show, without counters.
 fn shown(world: &World) -> Telemetry {
     let mut telemetry = world.handle(0).telemetry();
     telemetry.counters = Counters::default();
     telemetry
 }
 
-/// Two nodes that differ in nothing but that the transmitter of one has hung for 3 s.
+/// Two nodes whose only difference is that the transmitter of one has hung for 3 s.
 #[test]
 fn dead_transmitter_shows_in_telemetry() {
     let after = |hung: bool| {
@@ -327,7 +328,7 @@ fn dead_transmitter_shows_in_telemetry() {
     assert!(healthy != after(true), "the node whose transmitter hangs shows the same as a healthy one");
 }
 
-/// A transmitter that hung and continues: nothing of what was meant before leaves, however long it hung.
+/// A transmitter that hung and continues: no earlier frame is sent, however long it hung.
 #[test]
 fn transmitter_that_hung_sends_nothing_old() {
     for hung in [1.8, 3.8] {

@@ -1,4 +1,4 @@
-//! Findings 1 and 6: an ECU that lost its power and comes back is sent nothing that could start its engine, whatever was
+//! Findings 1 and 6: an ECU that lost its power and returns is sent nothing that could start its engine, whatever was
 //! commanded before. A new start by a pilot is obeyed.
 
 use crate::wire::Frame;
@@ -18,10 +18,10 @@ enum Pilot {
     Silent,
 }
 
-/// Below it nothing can be known of an outage: three expected frames, and the reply to the next one.
+/// Shortest outage that can be detected: three expected frames, and the reply to the next one.
 const GAP: Nanos = 600 * MILLIS;
 
-/// An engine at 80 % whose ECU loses its power for this long. It has to stay where it is for 5 minutes after that, and a new
+/// An engine at 80 % whose ECU loses its power for this time. It has to stay at rest for 5 minutes after that, and a new
 /// start has to light it.
 fn power_returns(mut world: World, off: f64, pilot: Pilot) {
     world.fly(Rc, 80);
@@ -32,7 +32,7 @@ fn power_returns(mut world: World, off: f64, pilot: Pilot) {
     world.dip(off);
     world.pass(300.0);
     world.assert_ignitions(1);
-    // What is on the wire when the ECU boots starts an ECU that starts on run alone.
+    // An ECU that starts on run alone is started by the frames on the wire when it boots.
     world.assert_not_sent_run(lost_at + GAP);
     world.starts_again(Rc);
 }
@@ -169,8 +169,8 @@ fn supply_dips_while_cranking_give_one_ignition_on_an_amt_ecu() {
     })));
 }
 
-/// An outage that is shorter than the gap of three frames, with a boot within 50 ms, goes unseen as such. Its first report
-/// after that does not fit a living engine: nothing more goes out that could start one, and the run ends.
+/// An outage that is shorter than the gap of three frames, with a boot within 50 ms, is not detected as such. The first
+/// report after it is inconsistent with a living engine: nothing more is sent that could start one, and the run ends.
 #[test]
 fn engine_after_an_outage_too_short_to_see_is_brought_to_standby() {
     let mut world = World::one(zk(5, |_, ecu| {
@@ -236,7 +236,7 @@ fn engine_that_ran_through_a_cut_line_continues_at_its_demand() {
     }
 }
 
-/// Every set or status damaged, and seen as such by the UART: the line is bad, and the engine is not.
+/// Every set or status is damaged, and the UART detects it: the line is faulty, but not the engine.
 #[test]
 fn engine_continues_at_its_demand_through_2_s_of_framing_noise() {
     for engine in [zk(3, |_, _| {}), zk(5, |_, _| {}), amt(|_, _| {})] {
@@ -255,7 +255,7 @@ fn engine_continues_at_its_demand_through_2_s_of_framing_noise() {
     }
 }
 
-/// An ECU that calibrates its idle, or says that it has started up, in flight.
+/// An ECU that reports idle calibration, or that it has started up, in flight.
 #[test]
 fn amt_engine_that_reports_idle_calibration_in_flight_continues_at_its_demand() {
     for shows in [Status::IdleCalibration, Status::StartedUp, Status::Unnamed(0b11111)] {

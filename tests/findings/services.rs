@@ -9,7 +9,7 @@ use sim::ecu::MILLIS;
 use sim::turbine::EgtSensor;
 use sim::zk::{Action as SentAction, ZkTemper};
 
-/// What moves fuel or heats, as it is commanded and as it is sent to the ECU.
+/// Services that move fuel or heat, as commanded and as sent to the ECU.
 const HOT: [(Action, SentAction); 6] = [
     (Action::Drain, SentAction::DrainOil),
     (Action::TestGlowPlug, SentAction::TestGlowPlug),
@@ -96,7 +96,7 @@ fn nothing_that_moves_fuel_or_heats_goes_to_a_hot_engine_in_standby() {
     }
 }
 
-/// An ECU that does not receive standby stays at its stop, with a cold exhaust, and says so.
+/// An ECU that does not receive standby stays at stop, with a cold exhaust, and reports this.
 #[test]
 fn nothing_that_moves_fuel_or_heats_goes_to_an_ecu_that_reports_stop() {
     for hot in HOT {

@@ -43,7 +43,7 @@ fn engine_is_not_armed_after_an_emergency_stop_and_its_release() {
     }
 }
 
-/// A source that commands armed all along.
+/// A source that has always commanded armed.
 #[test]
 fn source_that_commanded_arm_during_an_emergency_stop_does_not_arm_the_engine() {
     for mut world in both() {
@@ -107,7 +107,7 @@ fn speed_that_no_engine_has_does_not_take_the_governor_to_full_throttle() {
     };
     let most_below = most(100_000);
     assert!(most_below < 95.0, "{most_below} %");
-    // This engine has 108 500 rpm at full throttle: a higher maximum is one that it does not reach.
+    // This engine has 108 500 rpm at full throttle: it cannot reach a higher maximum.
     assert!(most(110_000) > 98.0, "the control");
 }
 
@@ -246,7 +246,7 @@ fn inject(world: &mut World, report: [u8; 7], count: usize) {
     world.pass(0.02 + 0.008 * count as f64);
 }
 
-/// What becomes of a start after this number of reports of a low voltage. One in 256 frames that noise makes passes its CRC.
+/// Result of a start after this number of reports of a low voltage. One in 256 frames that noise forms passes its CRC.
 fn start_after_fault_reports(count: usize) -> Result<Accepted, Rejected> {
     let mut world = World::one(zk(5, |_, _| {}));
     world.ready(Rc);

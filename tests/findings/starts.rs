@@ -1,4 +1,4 @@
-//! Findings 2, 3, 5 and 12: a start is a permission of one source that is used once, and what a source commanded once or long
+//! Findings 2, 3, 5 and 12: a start is a permission of one source that is used once, and a command given only once or long
 //! ago neither starts an engine nor shuts one down.
 
 use crate::world::*;
@@ -255,7 +255,7 @@ fn disarm_ends_a_start_of_an_engine_on_its_way_up() {
 /// Disarmed while the pilot keeps commanding run: standby from then on.
 fn disarmed(world: &mut World) {
     world.command(Rc, Disarm).expect("always accepted");
-    // A frame under way.
+    // A frame in transmission.
     world.pass(0.3);
     let from = world.now();
     world.pass(60.0);

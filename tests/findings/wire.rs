@@ -1,4 +1,4 @@
-//! What the node put on the wire, read by the simulation.
+//! The node's frames on the wire, decoded by the simulation.
 
 pub use sim::control::Command as Sent;
 use sim::control::{self, Switch};
@@ -24,7 +24,7 @@ impl Frame {
         matches!(self.sent.switch(), Some(Switch::Stop | Switch::Standby))
     }
 
-    /// The throttle that comes with run, in tenths of a percent.
+    /// Throttle sent with run, in tenths of a percent.
     pub fn throttle(&self) -> Option<u16> {
         self.sent.run_throttle_tenths()
     }

@@ -1,5 +1,5 @@
-//! Pilots, a node, and simulated ECUs on its wires, in virtual time. A pilot is a stream of one command; a test says who
-//! says what, lets time pass, and looks at the wire and the turbines.
+//! Pilots, a node, and simulated ECUs on its wires, in virtual time. A pilot is a stream of one command. A test sets
+//! which source commands what, lets time pass, and checks the wire and the turbines.
 
 use crate::wire::{self, Frame};
 use embassy_time::{Duration, Timer};
@@ -28,7 +28,7 @@ use std::task::Poll;
 pub use jetlink::command::Command::{Arm, Disarm, EmergencyStop, ReleaseStop, Standby};
 pub use jetlink::command::Origin::{Mavlink, Rc};
 
-/// Every source sends its command this often.
+/// Interval at which every source sends its command.
 const PERIOD: Nanos = 100 * MILLIS;
 /// Start-up of the firmware: nobody reads or writes.
 pub const START_UP: f64 = 0.02;
@@ -79,7 +79,7 @@ pub struct World<const N: usize = 1> {
     pilots: Vec<Pilot>,
     readers: [Reader; N],
     sent: [Vec<Frame>; N],
-    /// What the node comes out of when it starts.
+    /// Cause of the reset from which the node starts.
     cause: Reset,
 }
 
@@ -140,7 +140,7 @@ impl<const N: usize> World<N> {
     pub fn boot(&mut self) {
         static ERRORS: LineErrors = LineErrors::new();
         self.halt();
-        // What came while it was held in reset is lost with its UART.
+        // Bytes that arrived while it was held in reset are lost with its UART.
         self.halves = self.plugs.iter().map(Plug::reset_node).collect();
         let node: &'static Node<N> = Box::leak(Box::new(
             Node::new(&self.configs, Some((self.memory, self.cause))).expect("a good table"),
@@ -176,7 +176,7 @@ impl<const N: usize> World<N> {
         self.boot();
     }
 
-    /// Nothing survives from before.
+    /// No memory survives.
     pub fn forget(&mut self) {
         self.memory.iter().for_each(RetainedMemory::clear);
     }
@@ -203,7 +203,7 @@ impl<const N: usize> World<N> {
     // Pilots
     // ---------------------------------------------------------------------------------------
 
-    /// From now on this source commands this to every engine, over and over.
+    /// From now on this source repeats this command to every engine.
     pub fn streams(&mut self, origin: Origin, command: Command) {
         for engine in 0..N {
             self.streams_to(engine, origin, command);
@@ -283,7 +283,7 @@ impl<const N: usize> World<N> {
         }
     }
 
-    /// Time passes until this is so; it must be soon enough.
+    /// Time passes until this condition holds, within a limit.
     pub fn until(&mut self, what: &str, within_seconds: f64, mut done: impl FnMut(&Self) -> bool) {
         let from = self.now();
         while !done(self) {
@@ -339,7 +339,7 @@ impl<const N: usize> World<N> {
         });
     }
 
-    /// Takes the supply of the first ECU away for this long.
+    /// Cuts the supply of the first ECU for this time.
     pub fn dip(&mut self, seconds: f64) {
         self.plugs[0].power(false);
         self.pass(seconds);
@@ -351,9 +351,8 @@ impl<const N: usize> World<N> {
         self.plugs[0].power(on);
     }
 
-    // ---------------------------------------------------------------------------------------
-    // What every pilot does
-    // ---------------------------------------------------------------------------------------
+    // --------------------------------------------------------------------------------------- Steps of every
+    // pilot ---------------------------------------------------------------------------------------
 
     /// Armed, and in standby for long enough to be started by this source.
     pub fn ready(&mut self, origin: Origin) {
@@ -369,7 +368,7 @@ impl<const N: usize> World<N> {
         self.turbine_of(engine, |turbine| turbine.phase() == Phase::Standby && turbine.rpm() < 1.0)
     }
 
-    /// The whole way to running engines at idle, as one source has to go.
+    /// All steps of one source to running engines at idle.
     pub fn start(&mut self, origin: Origin) {
         self.ready(origin);
         self.streams(origin, run(0));
@@ -387,8 +386,8 @@ impl<const N: usize> World<N> {
         assert_eq!(self.throttle_sent(0), Some(u16::from(percent) * 10));
     }
 
-    /// A proper new start lights the engine again, exactly once more. It shows that what kept the engine from starting
-    /// before was the rule and nothing else.
+    /// A proper new start lights the engine again, exactly once more. It shows that only the rule prevented the engine
+    /// from starting before.
     pub fn starts_again(&mut self, origin: Origin) {
         let before = self.ignitions();
         self.start(origin);
@@ -409,7 +408,7 @@ impl<const N: usize> World<N> {
         self.sent_to(0, since)
     }
 
-    /// The throttle that went out last, in tenths of a percent, if the last switch that went out is run.
+    /// The throttle last sent, in tenths of a percent, if the last switch sent is run.
     pub fn throttle_sent(&self, engine: usize) -> Option<u16> {
         let last = self.sent_to(engine, 0).rfind(|frame| frame.is_run() || frame.is_stop())?;
         last.is_run().then(|| self.sent_to(engine, 0).rev().find_map(Frame::throttle)).flatten()
@@ -434,7 +433,7 @@ impl<const N: usize> World<N> {
         assert_eq!(self.phase(), Phase::Running);
     }
 
-    /// The turbine was lit this often since it was built.
+    /// Number of ignitions since the turbine was created.
     #[track_caller]
     pub fn assert_ignitions(&self, count: usize) {
         let at = self.turbine(|turbine| turbine.history().ignitions.clone());

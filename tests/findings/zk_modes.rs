@@ -16,7 +16,7 @@ fn identity(version: u8) -> [u8; 7] {
     [a, b, c, d, e, f, crc8(&[a, b, c, d, e, f])]
 }
 
-/// An engine whose switch shall go by ID 6 where the ECU knows that.
+/// An engine whose switch is to be sent in ID 6 where the ECU supports that.
 fn split(version: u8) -> World {
     World::one(zk(version, |config, _| {
         if let EcuConfig::Zk(zk) = &mut config.ecu {
@@ -55,8 +55,8 @@ fn one_false_report_of_version_4_does_not_make_run_go_by_id_6() {
     }
 }
 
-/// The switch follows so late, for a wire that is broken at first, that the host may think of another mode; and one frame
-/// says version 4.
+/// With a wire that is broken at first, the switch follows so late that the host may assume another mode; and one frame
+/// reports version 4.
 #[test]
 fn switch_that_follows_late_does_not_make_run_of_a_version_3_ecu_go_by_id_6() {
     let mut world = World::one(zk(3, |_, _| {}));
@@ -100,7 +100,8 @@ fn run_goes_by_id_1_at_every_send_slot_where_the_version_is_3() {
     assert!(rate_of_run(&world) > 19.0);
 }
 
-/// Another ECU took the place of one that knew ID 6: what was known of the one before holds no more.
+/// Another ECU took the place of one that supported ID 6: what was known about the old one is no longer
+/// valid.
 #[test]
 fn run_does_not_go_by_id_6_to_an_older_ecu_that_took_the_place_of_one_of_version_4() {
     let mut world = split(4);
@@ -115,7 +116,8 @@ fn run_does_not_go_by_id_6_to_an_older_ecu_that_took_the_place_of_one_of_version
     assert!(rate_of_run(&world) > 19.0);
 }
 
-/// An ECU of version 5 that never reports its version by itself, and was received to report it this often.
+/// An ECU of version 5 that never reports its version itself, and for which this number of version reports
+/// was received.
 fn version_received(times: usize) -> World {
     let mut world = World::one(zk(5, |_, ecu| ecu.ids = vec![1, 2, 3, 8]));
     world.start(Rc);

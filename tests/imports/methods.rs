@@ -1,8 +1,8 @@
-//! The methods of one type also go one way, where its `impl` is in several files: imports do not show their calls of one another.
+//! Method calls of one type also go one way, where its `impl` is in several files: imports do not show these calls.
 //!
-//! A call is `self.name(...)`, `self.field.name(...)` or `Self::name(...)` in an `impl`, or `Type::name(...)` anywhere, that names an
-//! inherent method or constant of the type; in a macro all but that of a field. What a macro defines is not seen, nor a call of a
-//! method of a variable.
+//! A call is `self.name(...)`, `self.field.name(...)` or `Self::name(...)` in an `impl`, or `Type::name(...)` anywhere, that
+//! names an inherent method or constant of the type; in a macro all of these except that of a field. Definitions in a macro are
+//! not seen, nor are method calls on a variable.
 
 use crate::source::{Crate, Edges, Module, Type, attributes, attributes_in_impl, idents, root};
 use proc_macro2::{TokenStream, TokenTree};
@@ -41,7 +41,7 @@ fn definitions(crate_: &Crate) -> BTreeMap<(Type, String), BTreeSet<PathBuf>> {
     found
 }
 
-/// The types of fields: of those that are a type of the crate, or a reference to one.
+/// The types of fields, where they are a type of the crate or a reference to one.
 fn fields(crate_: &Crate) -> BTreeMap<(Type, String), Type> {
     let structs = items(crate_).filter_map(|(_, module, item)| match item {
         Item::Struct(item) => Some((module, item)),

@@ -1,4 +1,4 @@
-//! Circles that are planted, and found.
+//! Planted circles have to be found.
 
 use crate::source::{Crate, root};
 use crate::{assert_one_way, circle, edges};

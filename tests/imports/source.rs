@@ -7,7 +7,7 @@ use syn::punctuated::Punctuated;
 use syn::token::Comma;
 use syn::{Attribute, Expr, ExprLit, ImplItem, Item, Lit, Meta, TraitItem, UseTree, visit::Visit};
 
-/// Which files need which.
+/// The imports between files.
 pub type Edges = BTreeMap<PathBuf, BTreeSet<PathBuf>>;
 
 /// A module's place: the idents from the package's root.
@@ -40,7 +40,7 @@ struct Macro {
     exported: bool,
 }
 
-/// What a path leads to.
+/// Target of a path.
 struct Resolved {
     module: Module,
     /// Modules whose `use` it goes through.
@@ -123,7 +123,7 @@ impl Crate {
         self.items.entry(path.into()).or_default().push((module, own));
     }
 
-    /// What each `use` names, until no more is found: one may begin with the name that another one gives.
+    /// Resolves each `use` until nothing more is found: one may begin with the name that another one defines.
     fn find_names(&mut self) {
         for (module, items) in self.items.values().flatten() {
             let found = self.uses.entry(module.clone()).or_default();
@@ -220,7 +220,7 @@ impl Crate {
         places.into_iter().filter(in_scope).collect()
     }
 
-    /// The type that a path in a module names: its module, and its own name there.
+    /// The type that a path in a module names: its module, and its name there.
     pub fn type_(&self, module: &Module, path: &[String]) -> Option<Type> {
         self.type_unless_seen(module, path, &mut BTreeSet::new())
     }
@@ -270,7 +270,7 @@ fn child(module: &Module, name: &str) -> Module {
 /// A type: the module that defines it, and its name.
 pub type Type = (Module, String);
 
-/// What the `use` lines of a module name, also those in its functions, and its own types.
+/// The names that the `use` lines of a module bring in, also those in its functions, and its own types.
 #[derive(Default)]
 struct Uses {
     /// By their names here.
@@ -398,7 +398,7 @@ impl Paths<'_> {
         }
     }
 
-    /// The paths in what a macro is given, or is made of. `before`: the path of the braces around them; `depth`: how many
+    /// The paths in a macro's arguments or definition. `before`: the path of the braces around them; `depth`: how many
     /// modules of the macro.
     fn tokens(&mut self, tokens: TokenStream, before: &[String], depth: usize) {
         let mut path = before.to_vec();

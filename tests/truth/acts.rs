@@ -1,4 +1,4 @@
-//! What happens to an engine and to the node, one thing at a time: by a script, or by chance.
+//! What happens to an engine and to the node, one event at a time: by a script, or by chance.
 
 use crate::faults::Fault;
 use crate::history::{Cause, PilotCommand};
@@ -10,27 +10,27 @@ pub enum Act {
     Stream(usize, Option<PilotCommand>),
     /// The source commands this once.
     Once(usize, PilotCommand),
-    /// This goes wrong for this long, µs.
+    /// This fault, and its duration, µs.
     Fault(Fault, u64),
-    /// The same, beside what goes wrong already.
+    /// The same, in addition to faults that are present already.
     Beside(Fault, u64),
-    /// The share to which the demand is reduced while another engine has failed is changed, per mille.
+    /// A change of the share to which the demand is reduced while another engine has failed, per mille.
     Share(u16),
-    /// Another ECU, of this version, is plugged in; without power for this long, µs.
+    /// Another ECU, of this version, is plugged in; time without power, µs.
     Swap(u8, u64),
 }
 
-/// A reset, and what goes with it.
+/// A reset, and its circumstances.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Blow {
     pub at: u64,
-    /// How long there is no node.
+    /// Time without a node.
     pub down: u64,
     pub cause: Cause,
     /// The ECUs lose their power together with the node.
     pub with_ecu: bool,
     /// The node comes back with other settings.
     pub other_settings: bool,
-    /// The node begins as one that runs another engine: what was retained is not its own.
+    /// The node begins as one for another engine: the retained state is not its own.
     pub other_engine: bool,
 }

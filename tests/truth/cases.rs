@@ -1,5 +1,5 @@
-//! Named cases of loss, restart and disagreement, each with what must go out at each step. The judge of the random worlds judges
-//! them, too.
+//! Named cases of loss, restart and disagreement, each with the frames that must be sent at each step. The judge of the random
+//! worlds judges them, too.
 
 use crate::acts::{Act, Blow};
 use crate::faults::Fault;
@@ -14,7 +14,7 @@ const BENCH: usize = 3;
 /// The engine flies at 60 % from [`FLIES`] s on.
 const DEMAND: u32 = 600;
 const FLIES: u64 = 45;
-/// What happens, happens then, s.
+/// Time of the event, s.
 const AT: u64 = 60;
 
 type Acts = Vec<(u64, Act)>;
@@ -32,7 +32,7 @@ fn stream(source: usize, command: PilotCommand) -> Act {
     Act::Stream(source, Some(command))
 }
 
-/// Standby, start, and the demand, as it is documented.
+/// Standby, start, and the demand, as documented.
 fn flight(demand: Demanded) -> Acts {
     vec![
         at(500, Act::Once(RC, PilotCommand::Arm)),
@@ -53,7 +53,7 @@ fn reset(millis: u64, down: u64, cause: Cause) -> Blow {
     }
 }
 
-/// What came of a case.
+/// Result of a case.
 struct Seen(World);
 
 impl Seen {
@@ -61,7 +61,7 @@ impl Seen {
         Self(case([(setup, acts)], blows, seconds))
     }
 
-    /// The judge has nothing to say.
+    /// The judge has no findings.
     #[track_caller]
     fn is_good(&self) -> &Self {
         let clean = self.0.engines.iter().all(|engine| engine.verdict.findings.is_empty());
@@ -75,7 +75,7 @@ impl Seen {
         all.iter().filter(move |frame| (from_ms * MS..to_ms * MS).contains(&frame.at))
     }
 
-    /// In this time only such frames went out, and at least this number.
+    /// In this time only such frames were sent, and at least this number.
     #[track_caller]
     fn only(&self, from_ms: u64, to_ms: u64, least: usize, allowed: impl Fn(Sent) -> bool) -> &Self {
         if let Some(frame) = self.frames(0, from_ms, to_ms).find(|frame| !allowed(frame.sent)) {
@@ -124,12 +124,12 @@ const fn is_standby(sent: Sent) -> bool {
     matches!(sent.switch(), Some(Switch::Standby))
 }
 
-/// What may go to a ZK ECU in doubt.
+/// Frames that may go to a ZK ECU in doubt.
 const fn is_empty(sent: Sent) -> bool {
     matches!(sent, Sent::Nothing | Sent::Rpm(_) | Sent::Other(_))
 }
 
-/// The ECUs of the cases: each demand that they take.
+/// The ECUs of the cases, with each kind of demand that they accept.
 fn every_ecu() -> Vec<(Setup, Demanded)> {
     let rpm = Demanded::Rpm(120_000);
     vec![
@@ -151,7 +151,7 @@ fn ecu_dips_end_the_run() {
             seen.is_good().ignitions(0, 1);
             let back = AT * 1000 + dip;
             if !amt {
-                // From the third frame that is missing on, nothing that could start an engine.
+                // From the third missing frame on, nothing that could start an engine.
                 seen.only(AT * 1000 + 300, back + 250, 1, |sent| is_empty(sent) || is_standby(sent));
             }
             // The pilot continues with run, and it is not obeyed.
@@ -234,7 +234,7 @@ fn each_wire_is_cut_and_mended_while_the_pilot_moves_the_stick_and_shuts_down() 
             let seen = Seen::of(setup.clone(), acts, vec![], 130);
             seen.is_good().ignitions(0, 1);
             if !amt {
-                // Standby goes out blind, and no run any more.
+                // Standby is sent blind, and run no longer.
                 let quiet = |sent| is_standby(sent) || matches!(sent, Sent::Nothing | Sent::Action(_));
                 seen.only(AT * 1000 + 20_500, 130_000, 300, quiet);
             } else {
@@ -249,7 +249,7 @@ fn each_wire_is_cut_and_mended_while_the_pilot_moves_the_stick_and_shuts_down() 
 #[test]
 fn two_seconds_of_framing_noise_cost_no_engine() {
     for (setup, demand) in every_ecu() {
-        // Every byte, and one in six: then most sets are damaged, and nearly all of them have their head.
+        // Every byte, or one in six: then most sets are damaged, and nearly all of them keep their header.
         for fault in [Fault::Damage(true, false), Fault::Framing(160_000)] {
             let mut acts = flight(demand);
             acts.push(at(AT * 1000, Act::Fault(fault, 2 * SECOND)));
@@ -257,7 +257,7 @@ fn two_seconds_of_framing_noise_cost_no_engine() {
             let seen = Seen::of(setup.clone(), acts, vec![], 90);
             seen.is_good().ignitions(0, 1).phase_is(0, 89_000, Phase::Running);
             if amt && fault != Fault::Damage(true, false) {
-                // Sets whose values cannot be read are answered as before.
+                // Sets whose values cannot be read get the same replies as before.
                 seen.only(AT * 1000, AT * 1000 + 2000, 6, is_run);
             }
             if demand == Demanded::Throttle(DEMAND) {
@@ -369,7 +369,7 @@ fn another_ecu_is_plugged_in_while_the_link_is_down() {
         let mut acts = flight(demand);
         acts.push(at(AT * 1000, Act::Swap(new, 10 * SECOND)));
         let seen = Seen::of(Setup::zk_case(old), acts, vec![], 120);
-        // One of the first ECU; the engine behind the other is never started.
+        // A command to the first ECU; the engine on the other is never started.
         seen.is_good().ignitions(0, 1);
         seen.only(AT * 1000 + 300, 120_000, 100, |sent| !is_run(sent));
     }

@@ -1,4 +1,4 @@
-//! One engine of a world: its ECU, its pilots, what goes wrong with it, and the history of all that.
+//! One engine of a world: its ECU, its pilots, its faults, and the history of all that.
 
 use crate::acts::{Act, Blow};
 use crate::drills::Director;
@@ -27,10 +27,10 @@ use std::collections::VecDeque;
 const RC: usize = 1;
 const MAVLINK: usize = 2;
 
-/// From look to look at the turbines.
+/// Interval between samples of the turbines.
 pub const LOOK: u64 = 50 * MS;
 
-/// How long this thread's clock has run, µs.
+/// Time for which this thread's clock has run, µs.
 pub fn now() -> u64 {
     clock::now_ns() / 1000
 }
@@ -61,7 +61,7 @@ pub struct EngineContext {
     director: Option<Director>,
     valve: Valve,
     transmitter: Option<Transmitter>,
-    /// Until when its autopilot sends nothing of its outputs.
+    /// Until when its autopilot sends no outputs.
     pub outputs_silent_until: u64,
 }
 
@@ -87,7 +87,7 @@ impl EngineContext {
         for last in (1..4).rev() {
             sources.swap(last, rng.below(last as u64 + 1) as usize);
         }
-        // Two, of whom the higher one relieves the lower one now and then.
+        // Two, of which the higher one relieves the lower one now and then.
         let pair = rng.percent(15);
         let count = if pair { 2 } else { rng.pick(&[1, 1, 2, 2, 3]) };
         if pair && sources[1] > sources[0] {
@@ -120,7 +120,7 @@ impl EngineContext {
         (context, halves)
     }
 
-    /// With a director in place of pilots and of what goes wrong by itself.
+    /// With a director in place of pilots and random faults.
     pub fn drilled(rng: &mut Rng, setup: Setup, in_a_group: bool) -> (Self, (WireRx, WireTx)) {
         let director = Director::new(rng, &setup.rules, in_a_group);
         let seed = rng.next();
@@ -129,7 +129,7 @@ impl EngineContext {
         (context, halves)
     }
 
-    /// With nothing but what a case has.
+    /// With nothing but the acts of a case.
     pub fn scripted(setup: Setup, acts: Vec<(u64, Act)>) -> (Self, (WireRx, WireTx)) {
         let (mut context, halves) = Self::new(setup, 1, Disturber::idle());
         context.script.acts = acts.into();
@@ -175,7 +175,7 @@ impl EngineContext {
         self.history.samples.last().is_some_and(|sample| sample.phase.is_live())
     }
 
-    /// It is commanded through MAVLink: that source is no other pilot's.
+    /// It is commanded through MAVLink: no other pilot has that source.
     pub fn command_by_mavlink(&mut self, mavlink: ByMavlink) {
         self.pilots.retain(|pilot| pilot.source != MAVLINK);
         self.history.mavlink = Some(mavlink);
@@ -204,7 +204,7 @@ impl EngineContext {
             .min(self.transmitter.as_ref().map_or(u64::MAX, |transmitter| transmitter.next))
     }
 
-    /// Everything here but the node does what it does, once.
+    /// Everything here except the node acts once.
     pub fn act(&mut self, rng: &mut Rng, owner: Option<&Owner<'_>>, receiver: Option<&mut Receiver<'_>>) {
         let at = now();
         let starts = self.plug.ecu(|ecu| ecu.turbine().phase().is_starting());
@@ -283,7 +283,7 @@ impl EngineContext {
         self.valve.release(&mut self.history, now());
     }
 
-    /// The next steps of its drill come to pass.
+    /// Plays the next steps of its drill.
     fn direct(&mut self, rng: &mut Rng) {
         let view = self.view();
         let Some(director) = self.director.as_mut().filter(|director| view.now >= director.next) else {
@@ -369,7 +369,7 @@ impl EngineContext {
                 fault,
                 hidden,
             };
-            // By the turbine's own record: a relight may have ended again before this look.
+            // By the turbine's own record: a relight may have ended again before this sample.
             let history = turbine.history();
             let mark = |when| match history.relights.contains(when) {
                 true => Mark::Relight,
@@ -398,7 +398,7 @@ impl EngineContext {
         self.history.samples.push(sample);
     }
 
-    /// An engine behind a valve that is shut goes out.
+    /// An engine behind a shut valve goes out.
     fn cut_off(&mut self, at: u64) {
         if self.history.pin.last().is_some_and(|(_, pin)| *pin == Pin::Floats) {
             self.valve.release(&mut self.history, at);
@@ -432,7 +432,7 @@ impl EngineContext {
         }
     }
 
-    /// What the pilots command now reaches the node, if there is one.
+    /// The pilots' commands of this moment reach the node, if there is one.
     fn commands_now(&mut self, rng: &mut Rng, owner: Option<&Owner<'_>>) {
         let at = now();
         if self.pilots.iter().all(|pilot| pilot.next > at) {
@@ -457,7 +457,7 @@ impl EngineContext {
         let (Some(owner), Some(to_send)) = (owner, self.setup.command(command)) else {
             return;
         };
-        // What is answered is not looked at.
+        // The answers are not used.
         let claimed = match Origin::SOURCES[source] {
             Origin::Emergency => owner.emergency_source(),
             origin => owner.source(origin),
@@ -466,7 +466,7 @@ impl EngineContext {
         self.history.commanded.push(Commanded { at: now(), source, command });
     }
 
-    /// Somebody changes by how much the demand is reduced while another engine has failed.
+    /// Somebody changes the reduction that applies while another engine has failed.
     fn share(&mut self, owner: Option<&Owner<'_>>, share: u16) {
         let Some(owner) = owner else { return };
         let supervision = Supervision { when_other_fails: Some(share), ..self.setup.config.supervision };
@@ -475,7 +475,7 @@ impl EngineContext {
         self.note(format!("the share beside an engine that failed is {} per mille", share));
     }
 
-    /// Another ECU of the kind, of this version, is plugged in, and has no power for this long.
+    /// Another ECU of the same kind, with this version, is plugged in, and has no power for this time.
     fn swap(&mut self, rng: &mut Rng, version: u8, off: u64) {
         let at = now();
         let Some(ecu) = self.setup.another(version) else { return };
@@ -487,7 +487,7 @@ impl EngineContext {
         self.note(format!("another ECU, of version {version}, without power for {} ms", off / MS));
     }
 
-    /// The history ends, and is whole.
+    /// Ends the history.
     pub fn end(&mut self) {
         let at = now();
         self.look();
@@ -498,7 +498,7 @@ impl EngineContext {
             self.history.pwm.push(since, at);
         }
         self.history.end = at;
-        // One frame may have been on its way when a transmitter hung.
+        // One frame may have been in transmission when the transmitter hung.
         for &stall in &self.history.stalls {
             let first = self.history.frames.partition_point(|frame| frame.at < stall.saturating_sub(MS));
             if self.history.frames.get(first).is_some_and(|frame| frame.at < stall + 5 * MS) {
@@ -507,8 +507,8 @@ impl EngineContext {
         }
     }
 
-    /// What came of it, with the times in which other engines of the group may have failed, have for sure,
-    /// or make its start wait, and of their starts.
+    /// The result, with the times in which other engines of the group may have failed, have certainly failed,
+    /// or delay its start, and those of their starts.
     pub fn judged(&mut self, failed: Spans, down: Spans, busy: Spans, starts: Vec<u64>) -> Judged {
         (self.history.other_failed, self.history.other_down) = (failed, down);
         (self.history.other_starts, self.history.other_busy) = (starts, busy);

@@ -7,12 +7,12 @@ use crate::history::{Cause, MS, SECOND};
 use crate::pilots::Rng;
 use std::collections::VecDeque;
 
-/// What the node itself goes through.
+/// Resets and other events of the node itself.
 #[derive(Debug)]
 pub enum Fate {
     Random(Random),
     Script(VecDeque<Blow>),
-    /// What the drills of the engines come to.
+    /// What the engines' drills require of the node.
     Drills,
 }
 
@@ -20,10 +20,10 @@ pub enum Fate {
 pub struct Random {
     weather: Weather,
     next: u64,
-    /// Resets that still follow, and how long the node runs between them.
+    /// Resets that still follow, and the time for which the node runs between them.
     loop_left: u64,
     loop_period: u64,
-    /// All pilots of an engine are silent, or its ECU reports a fault, and that was looked at.
+    /// All pilots of an engine are silent, or its ECU reports a fault, and this has been considered.
     in_trouble: bool,
 }
 
@@ -42,7 +42,7 @@ impl Fate {
         }
     }
 
-    /// One that comes sooner, because of what happens to an engine.
+    /// An earlier reset, because of an event at an engine.
     pub fn sooner(&mut self, rng: &mut Rng, contexts: &mut [EngineContext], than: u64) -> Option<Blow> {
         match self {
             Self::Random(random) => random.in_trouble(rng, contexts, than),
@@ -74,7 +74,8 @@ impl Random {
         }
     }
 
-    /// Resets come often when all pilots of a running engine are silent, or its ECU reports a fault: one brings the other.
+    /// Resets come often when all pilots of a running engine are silent, or its ECU reports a fault: the one causes the
+    /// other.
     fn in_trouble(&mut self, rng: &mut Rng, contexts: &[EngineContext], than: u64) -> Option<Blow> {
         let at = now();
         let silent =

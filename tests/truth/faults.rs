@@ -1,4 +1,4 @@
-//! What goes wrong with one ECU and its two wires. Every disturbance is written into the history as what it really was.
+//! Faults of one ECU and its two wires. The history records every disturbance as it really was.
 
 use crate::ecus::{self, Odd};
 use crate::history::{History, Kind, MS, Rules, SECOND, Spans};
@@ -13,31 +13,31 @@ use sim::wire::{Babble, Direction, Faults, FramingAs, Plug};
 pub enum Fault {
     /// The ECU has no power.
     PowerOff,
-    /// Nothing comes through from the ECU.
+    /// Nothing arrives from the ECU.
     CutToNode,
-    /// Nothing comes through to the ECU.
+    /// Nothing reaches the ECU.
     CutToEcu,
     CutBoth,
     /// The node's transmitter hangs.
     Stall,
     /// Every byte of a direction is damaged: both, to the node, to the ECU.
     Damage(bool, bool),
-    /// Some bytes are, on the way to the node; and to the ECU, too.
+    /// Some bytes are damaged on the way to the node; and to the ECU, too.
     Noise(bool),
     /// Bytes per million from the ECU that have a framing error.
     Framing(u32),
     FlameOut,
     HotStarts(bool),
     NoLight(bool),
-    /// The ECU reports a fault, and does not mind it.
+    /// The ECU reports a fault, and keeps working.
     Error(u8),
     /// The thermocouple is broken, or its wires touch.
     Sensor(EgtSensor),
-    /// One good frame that reports something else than what is so.
+    /// One well-formed frame that reports a false state.
     OneWrongFrame,
     /// One good frame that no ECU sent.
     OddFrame(Odd),
-    /// The ECU sends bytes that are no frames, without a pause, in place of what it has to report.
+    /// The ECU sends bytes that form no frames, without a pause, in place of its reports.
     Babble,
     /// The ECU reports a supply below every limit.
     LowSupply,
@@ -46,7 +46,7 @@ pub enum Fault {
 }
 
 impl Fault {
-    /// It is over as soon as it begins.
+    /// It ends as soon as it begins.
     const fn is_momentary(self) -> bool {
         matches!(
             self,
@@ -116,9 +116,9 @@ impl Weather {
 pub struct Disturber {
     weather: Weather,
     next: u64,
-    /// What is so now, and since and until when.
+    /// The current disturbance, its begin and its end.
     current: Option<(Fault, u64, u64)>,
-    /// What is so beside it.
+    /// Further disturbances at the same time.
     beside: Vec<(Fault, u64, u64)>,
     /// Chance of a dip of the supply in each start, in percent.
     dips_in_starts: u64,
@@ -128,7 +128,7 @@ pub struct Disturber {
     pub signals: bool,
     /// The flame goes out in many flights: other engines are informed.
     pub flames: bool,
-    /// When it does in this flight.
+    /// When the flame goes out in this flight.
     flame_out: Option<u64>,
 }
 
@@ -148,7 +148,7 @@ impl Disturber {
         }
     }
 
-    /// Nothing goes wrong by itself.
+    /// No random faults.
     pub const fn idle() -> Self {
         Self {
             weather: Weather::Calm,
@@ -164,14 +164,14 @@ impl Disturber {
         }
     }
 
-    /// A disturbance that no rule may be exempt from for long: rarely one that costs an AMT engine.
+    /// A disturbance that may exempt no rule for long: rarely one that costs an AMT engine.
     fn choose(&self, rng: &mut Rng, rules: &Rules) -> (Fault, u64) {
         let (amt, patience) = (rules.kind == Kind::Amt, rules.gives_up_after);
         let power = match self.long {
             true => rng.spread(50 * MS, 900 * SECOND),
             false => rng.spread(50 * MS, 20 * SECOND),
         };
-        // Longer ones cost an engine whose ECU gives up: most of them are such as it puts up with.
+        // Longer ones cost an engine whose ECU gives up: most are such as it tolerates.
         let short = !rules.kind.continues_without_commands() && rng.percent(70);
         let cut = rng.spread(100 * MS, if short { patience * 9 / 10 } else { 40 * SECOND });
         match rng.below(100) {
@@ -181,7 +181,7 @@ impl Disturber {
             32..36 | 38..40 => (Fault::CutToEcu, cut),
             40..45 => (Fault::CutBoth, cut),
             36..38 => (Fault::Stall, rng.spread(50 * MS, patience * 9 / 10)),
-            // Just what the ECU puts up with.
+            // Just as long as the ECU tolerates.
             45..53 if amt => {
                 (rng.pick(&[Fault::CutToNode, Fault::CutBoth]), patience * rng.between(60, 90) / 100)
             }
@@ -189,7 +189,7 @@ impl Disturber {
             45..66 => {
                 let (to_node, to_ecu) =
                     rng.pick(&[(true, false), (true, false), (false, true), (true, true)]);
-                // Damaged frames count as frames for 10 s, and no longer.
+                // Damaged frames count as frames for 10 s only.
                 let longest = if rng.percent(15) { 40 * SECOND } else { 10 * SECOND };
                 let longest = if to_ecu { patience.min(10 * SECOND) * 9 / 10 } else { longest };
                 (Fault::Damage(to_node, to_ecu), rng.spread(500 * MS, longest))
@@ -209,7 +209,7 @@ impl Disturber {
         }
     }
 
-    /// Begins and ends what is due. What began or ended, for the log.
+    /// Begins and ends what is due; returns it for the log.
     pub fn disturb(
         &mut self,
         rng: &mut Rng,
@@ -273,7 +273,7 @@ impl Disturber {
         self.current.map_or(self.next, |(_, _, until)| until).min(beside)
     }
 
-    /// This goes wrong from now until then, in place of what does.
+    /// This fault lasts from now until then, and replaces the current one.
     pub fn begin(
         &mut self,
         rng: &mut Rng,
@@ -295,13 +295,14 @@ impl Disturber {
         self.current = Some((fault, now, until));
     }
 
-    /// This goes wrong from now until then, beside what does: a fault that the ECU reports, or its thermocouple.
+    /// This fault lasts from now until then, in addition to the current one: a fault that the ECU reports, or
+    /// its thermocouple.
     pub fn begin_beside(&mut self, rng: &mut Rng, plug: &Plug<AnyEcu>, fault: Fault, now: u64, until: u64) {
         begin(fault, rng, plug);
         self.beside.push((fault, now, until));
     }
 
-    /// Ends what lasts, for the end of the history.
+    /// Ends lasting faults, at the end of the history.
     pub fn finish(&mut self, history: &mut History, now: u64) {
         for (fault, from, _) in self.current.take().into_iter().chain(self.beside.drain(..)) {
             write_down(history, fault, from, now);

@@ -1,4 +1,4 @@
-//! Frames of MAVLink as the documents have them, written and read without the package that is judged.
+//! MAVLink frames as documented, written and read without the package that is judged.
 
 /// Who sends a frame: system and component.
 pub type Sender = (u8, u8);
@@ -10,7 +10,7 @@ pub enum Dress {
     V2,
 }
 
-/// Number, checksum's seed and payload of a message, its fields in the order of the wire.
+/// Number, checksum seed and payload of a message, its fields in wire order.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Message {
     id: u32,
@@ -90,7 +90,7 @@ pub struct Ack {
     pub result: u8,
 }
 
-/// The answers in whole frames of version 2, one behind the other.
+/// The answers in consecutive whole frames of version 2.
 pub fn acks(mut bytes: &[u8]) -> Vec<Ack> {
     let mut acks = Vec::new();
     while let [0xFD, length, signed, _, _, _, component, low, mid, high, rest @ ..] = bytes {

@@ -11,7 +11,7 @@ pub const MS: u64 = 1_000;
 /// A second.
 pub const SECOND: u64 = 1_000_000;
 
-/// A demand: throttle in 0.1 %, or a shaft speed in rpm.
+/// Demand: throttle in 0.1 %, or shaft speed in rpm.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Demanded {
     Throttle(u32),
@@ -27,19 +27,19 @@ impl fmt::Display for Demanded {
     }
 }
 
-/// What a pilot commanded, whatever was answered.
+/// A pilot's command, whatever the answer was.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum PilotCommand {
     /// One command of a stream.
     Standby,
-    /// Standby, the explicit order of a person.
+    /// Standby, by the explicit order of a person.
     ShutDown,
     Run(Demanded),
     Stop,
     Release,
     Arm,
     Disarm,
-    /// Present, and commands nothing.
+    /// Present without a command.
     Nothing,
     /// Hand-over to the ECU's PWM input.
     Pwm,
@@ -50,7 +50,7 @@ pub enum PilotCommand {
 }
 
 impl PilotCommand {
-    /// A command by which a source counts as one that commands the engine.
+    /// A command that makes its source count as commanding the engine.
     pub const fn is_received(self) -> bool {
         matches!(
             self,
@@ -64,7 +64,7 @@ impl PilotCommand {
         )
     }
 
-    /// A command by which an engine is not to run.
+    /// A command that ends a run.
     pub const fn ends_a_run(self) -> bool {
         matches!(self, Self::Standby | Self::ShutDown | Self::Disarm | Self::Stop | Self::Ctf)
     }
@@ -103,7 +103,7 @@ pub enum Sent {
     Full(Switch, u32),
     /// ZK ID 6: the switch, if it has one, and RPM_X.
     Mode(Option<Switch>, u8),
-    /// ZK ID 7, with RPM_X as it was sent last.
+    /// ZK ID 7, with the RPM_X that was last sent.
     Rpm(u32),
     /// ZK ID 0.
     Nothing,
@@ -113,7 +113,7 @@ pub enum Sent {
     Ctf,
     /// Any other ID.
     Other(u8),
-    /// No frame that the document knows.
+    /// Not a frame that the document defines.
     Bad([u8; LONGEST]),
 }
 
@@ -157,12 +157,12 @@ impl fmt::Display for Sent {
 pub struct Frame {
     /// The beginning of its first start bit.
     pub at: u64,
-    /// All its bytes came to the ECU as they were sent.
+    /// All its bytes reached the ECU as they were sent.
     pub arrived: bool,
     pub sent: Sent,
 }
 
-/// The turbine at an instant.
+/// State of the turbine at an instant.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Sample {
     pub at: u64,
@@ -175,7 +175,7 @@ pub struct Sample {
     pub flow: f64,
     /// The ECU reports a fault (AMT: error sets, with no state in them).
     pub fault: bool,
-    /// It runs, and its ECU reports another state than that.
+    /// It runs, but its ECU reports another state.
     pub hidden: bool,
 }
 
@@ -191,9 +191,9 @@ impl Sample {
 pub enum Mark {
     /// The ignition began.
     Ignition,
-    /// The ECU began it by itself, without a switch that left run: ZK's restart.
+    /// The ECU began it on its own, without the switch leaving run: ZK's restart.
     Relight,
-    /// The ECU put the turbine out because it was not commanded.
+    /// The ECU shut the turbine down for lack of commands.
     GivenUp,
 }
 
@@ -207,14 +207,14 @@ impl fmt::Display for Mark {
     }
 }
 
-/// How the node came to be reset.
+/// Cause of a reset of the node.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Cause {
-    /// Watchdog, panic, fault: the memory is whole.
+    /// Watchdog, panic, fault: the memory is intact.
     Watchdog,
     /// Power-on or brown-out, with the memory as it was.
     BrownOut,
-    /// Power-on, with nothing left of the memory.
+    /// Power-on, with the memory lost.
     PowerOn,
 }
 
@@ -244,7 +244,7 @@ pub enum Position {
     Run,
 }
 
-/// How stick and switches of a transmitter are to be read: what the node is configured with. Channels count from 1, pulses are in µs.
+/// The node's settings for stick and switches of a transmitter. Channels count from 1, pulses are in µs.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct RadioRules {
     pub throttle: u8,
@@ -258,12 +258,12 @@ pub struct RadioRules {
     pub stop: u16,
     pub run: u16,
     pub switch_reversed: bool,
-    /// Hands the throttle to the lower source; 0: there is none.
+    /// Channel that hands the throttle to the lower source; 0: none.
     pub hand_over: u8,
 }
 
 impl RadioRules {
-    /// Those of most transmitters here.
+    /// The settings of most transmitters here.
     pub const USUAL: Self = Self {
         throttle: 3,
         low: 1100,
@@ -281,19 +281,19 @@ impl RadioRules {
 /// Bytes of an SBUS frame.
 pub const SBUS: usize = 25;
 
-/// A receiver of radio control: the frames that came to a node, each with its end.
+/// A radio control receiver: the frames that reached a node, each with the time of its end.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Radio {
     pub rules: RadioRules,
     pub frames: Vec<(u64, [u8; SBUS])>,
 }
 
-/// A MAVLink message that the documents let count for an engine: it is well formed, addressed to it, and from a system that may command
+/// A MAVLink message that counts for an engine by the documents: well formed, addressed to it, and from a system that may command
 /// it.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Word {
-    /// A frame of the autopilot's outputs: the throttle of the engine's one, 0.1 %; `None`: no pulse that is accepted. `sure`: it is
-    /// neither late nor one of the first of a new clock.
+    /// A frame of the autopilot's outputs: the engine's throttle, 0.1 %; `None`: no pulse that is accepted. `sure`: it is neither
+    /// late nor among the first of a new clock.
     Output {
         tenths: Option<u32>,
         sure: bool,
@@ -332,7 +332,7 @@ pub struct Answered {
     pub accepted: bool,
 }
 
-/// An engine that is commanded through MAVLink.
+/// Settings of an engine that is commanded through MAVLink.
 #[derive(Clone, PartialEq, Default, Debug)]
 pub struct ByMavlink {
     /// Its demand comes from an output of the autopilot; otherwise it idles, and heartbeats keep the order alive.
@@ -345,7 +345,7 @@ pub struct ByMavlink {
     pub learns: bool,
     pub received: Vec<Received>,
     pub answers: Vec<Answered>,
-    /// When a damaged frame came: what follows it may be found later.
+    /// When a damaged frame arrived: frames after it may be found later.
     pub damaged: Vec<u64>,
 }
 
@@ -375,7 +375,7 @@ impl Kind {
         }
     }
 
-    /// It continues as it was when the wire to it is cut.
+    /// It continues unchanged when the wire to it is cut.
     pub const fn continues_without_commands(self) -> bool {
         match self {
             Self::Amt => false,
@@ -384,18 +384,18 @@ impl Kind {
     }
 }
 
-/// The numbers that the node is configured with, and those of the ECU and turbine that the rules use.
+/// The node's settings, and the properties of ECU and turbine that the rules use.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Rules {
     pub kind: Kind,
-    /// From one report, and one send slot, to the next.
+    /// Interval between two reports, and between two send slots.
     pub period: u64,
     /// Number of reports until the state is repeated.
     pub round: u64,
     /// Timeout of each source, the highest first.
     pub ages: [u64; 4],
     pub recover_after: u64,
-    /// Within this after its timeout a source comes back without a take-over.
+    /// Time after its timeout within which a source returns without a take-over.
     pub return_within: u64,
     pub takeover: u64,
     pub hold: u64,
@@ -407,13 +407,13 @@ pub struct Rules {
     /// Fail-safe throttle, 0.1 %.
     pub fail_safe: u32,
     pub standby_after: Option<u64>,
-    /// Before a lower source's standby ends a run, after the stages of loss.
+    /// Time after the stages of loss until a lower source's standby ends a run.
     pub lower_standby_after: u64,
     pub listen: u64,
     pub arming: bool,
     pub link_stable: u64,
     pub idle_band: u32,
-    /// The hottest exhaust for a start, °C.
+    /// Highest exhaust temperature for a start, °C.
     pub egt_max: f64,
     pub start_timeout: u64,
     /// Time between the starts of two engines.
@@ -428,17 +428,17 @@ pub struct Rules {
     pub pump_bound: u64,
     /// Time from the last command to the ECU's own stop: AMT's serial delay, ZK's loss time up to version 4.
     pub gives_up_after: u64,
-    /// What the node assumes of the latter.
+    /// The node's assumption of the latter.
     pub serial_delay: u64,
     /// A frame to the ECU on the wire.
     pub frame: u64,
-    /// The most that a governor may give, 0.1 %.
+    /// Highest throttle of a governor, 0.1 %.
     pub authority: u32,
-    /// ID 0 alone does not keep a ZK ECU up to version 4 from giving up.
+    /// ID 0 alone does not prevent a ZK ECU up to version 4 from giving up.
     pub gives_up_on_empty: bool,
     /// Number of reports after a power-up that still show the state before it.
     pub stale: u64,
-    /// From power to the first report.
+    /// Time from power-up to the first report.
     pub boot: u64,
     pub idle_rpm: f64,
     pub max_rpm: f64,
@@ -446,24 +446,24 @@ pub struct Rules {
     pub limit_egt: Option<(f64, bool)>,
     pub limit_rpm: Option<(f64, bool)>,
     pub limit_fault: Option<bool>,
-    /// A limit of how values change has an action: standby, or the fail-safe. No turbine passes it in order.
+    /// A limit of how values change has an action: standby, or the fail-safe. No healthy turbine exceeds it.
     pub limit_change: Option<bool>,
-    /// Those of a shaft that runs down, and of an exhaust that rises in a start.
+    /// The actions for a shaft that runs down, and for an exhaust temperature that rises in a start.
     pub limit_flame: Option<bool>,
     pub limit_hot: Option<bool>,
-    /// Those of a shaft below rpm in flight, of a change that no turbine makes, and of the supply.
+    /// The actions for a shaft below an rpm in flight, for an implausible change, and for the supply.
     pub limit_low_rpm: Option<(f64, bool)>,
     pub limit_jump: Option<bool>,
     pub limit_supply: Option<bool>,
-    /// A low supply keeps an engine from a start.
+    /// A low supply prevents a start.
     pub supply_counts: bool,
-    /// The exhaust of an engine that burns, while its ECU reports faults instead of a state, °C.
+    /// Exhaust temperature of a burning engine, while its ECU reports faults instead of a state, °C.
     pub burning: f64,
     /// Share in per mille to which the demand is reduced while another engine has failed.
     pub when_other_fails: Option<u32>,
 }
 
-/// Times that belong together, in order and without overlaps.
+/// Intervals that belong together, in order and without overlaps.
 #[derive(Clone, PartialEq, Eq, Default, Debug)]
 pub struct Spans(Vec<(u64, u64)>);
 
@@ -478,7 +478,7 @@ impl Spans {
         all
     }
 
-    /// Adds one that does not begin before the last.
+    /// Adds an interval that does not begin before the last one.
     pub fn push(&mut self, from_us: u64, to_us: u64) {
         if to_us <= from_us {
             return;
@@ -493,7 +493,7 @@ impl Spans {
         Self::from(&[self.0.as_slice(), other.0.as_slice()].concat())
     }
 
-    /// Each longer by so much at its end.
+    /// Each extended by this time at its end.
     pub fn longer(&self, by: u64) -> Self {
         Self::from(&self.0.iter().map(|&(from, to)| (from, to + by)).collect::<Vec<_>>())
     }
@@ -512,7 +512,7 @@ impl Spans {
         self.within(from_us, to_us) > 0
     }
 
-    /// How much of them lies in this time.
+    /// Total length of the parts in this interval.
     pub fn within(&self, from_us: u64, to_us: u64) -> u64 {
         let first = self.0.partition_point(|&(_, end)| end <= from_us);
         self.0[first..]
@@ -522,7 +522,7 @@ impl Spans {
             .sum()
     }
 
-    /// How much they have in common.
+    /// Total length of the intersection.
     pub fn common(&self, other: &Self) -> u64 {
         other.0.iter().map(|&(from, to)| self.within(from, to)).sum()
     }
@@ -541,7 +541,7 @@ impl Spans {
     }
 }
 
-/// Everything that the judge may know of one engine.
+/// Everything that the judge may know about one engine.
 #[derive(Clone, PartialEq, Debug)]
 pub struct History {
     pub rules: Rules,
@@ -555,46 +555,46 @@ pub struct History {
     pub renamed: Vec<u64>,
     /// The ECU has no power.
     pub unpowered: Spans,
-    /// Nothing comes through from the ECU to the node.
+    /// Nothing from the ECU reaches the node.
     pub mute: Spans,
-    /// Nothing comes through from the node to the ECU.
+    /// Nothing from the node reaches the ECU.
     pub deaf: Spans,
     /// Bytes are damaged, in either direction.
     pub noise: Spans,
     /// Those on the way to the ECU are.
     pub noise_to_ecu: Spans,
-    /// Nothing that comes from the ECU can be distinguished from garbage.
+    /// Nothing from the ECU can be distinguished from garbage.
     pub garbled: Spans,
-    /// Every single byte that comes from the ECU is damaged.
+    /// Every byte from the ECU is damaged.
     pub ruined: Spans,
     /// Some are, by framing errors that leave their number as it is.
     pub framing: Spans,
-    /// When one frame came that no ECU sent.
+    /// When a frame arrived that no ECU sent.
     pub forged: Vec<u64>,
-    /// When a frame came that no ECU sent, and that reports a shaft that does not turn.
+    /// When a frame arrived that no ECU sent, and that reports a shaft at rest.
     pub slow: Vec<u64>,
-    /// When two frames in a row came that no ECU sent, and that report a shaft that does not turn.
+    /// When two consecutive frames arrived that no ECU sent, and that report a shaft at rest.
     pub jumps: Vec<u64>,
     /// The ECU reports a supply below every limit.
     pub low_supply: Spans,
     /// The share of `when_other_fails`, from each instant on at which it was changed.
     pub shares: Vec<(u64, u32)>,
-    /// When a transmitter that hung continued: what was on its way then is old.
+    /// When a transmitter that had hung continued: frames in transit then are old.
     pub stalls: Vec<u64>,
     /// The protocol version of the ECU from each instant on; empty: as in the rules.
     pub versions: Vec<(u64, u8)>,
     /// The ECU's PWM input commands a running engine.
     pub pwm: Spans,
-    /// There is a signal on it that commands run.
+    /// A signal on it commands run.
     pub pwm_signal: Spans,
     /// When other engines of the node were started, and when a start of theirs makes this engine's wait.
     pub other_starts: Vec<u64>,
     pub other_busy: Spans,
     /// When each set of an AMT ECU ended on its wire.
     pub sets: Vec<u64>,
-    /// Another engine of the node does not run although it was to.
+    /// Another engine of the node does not run although it should.
     pub other_failed: Spans,
-    /// It has failed for sure: it went out, and nobody commanded it to.
+    /// It has certainly failed: it went out without a command.
     pub other_down: Spans,
     /// The thermocouple measures nothing.
     pub sensor: Spans,
@@ -602,11 +602,12 @@ pub struct History {
     pub pin: Vec<(u64, Pin)>,
     /// The valve lets no fuel through.
     pub shut: Spans,
-    /// Whether starter and ignition have power, from each instant on; `None`: no node drives it. Empty: there is no output for it.
+    /// Whether starter and ignition have power, from each instant on; `None`: no node drives the output. Empty: there is no such
+    /// output.
     pub power: Vec<(u64, Option<bool>)>,
     /// Radio control, where it commands the engine.
     pub radio: Option<Radio>,
-    /// What is received through MAVLink, where the engine is commanded so.
+    /// What is received through MAVLink, where it commands the engine.
     pub mavlink: Option<ByMavlink>,
 }
 
@@ -652,8 +653,8 @@ impl History {
         }
     }
 
-    /// The largest share to which a demand was to be reduced for another engine in a time, per mille; `None`: it
-    /// is not to be.
+    /// The largest share to which a demand had to be reduced for another engine in an interval, per mille;
+    /// `None`: no reduction.
     pub fn largest_share(&self, from_us: u64, to_us: u64) -> Option<u32> {
         let first = self.rules.when_other_fails?;
         let later = self.shares.iter().enumerate().filter(|(index, (at, _))| {
@@ -664,7 +665,7 @@ impl History {
         before.into_iter().chain(later.map(|(_, (_, share))| *share)).max()
     }
 
-    /// When run goes out behind standby or a stop.
+    /// When run is sent after standby or a stop.
     pub fn starts_on_wire(&self) -> Vec<u64> {
         let switches: Vec<(u64, Switch)> =
             self.frames.iter().filter_map(|frame| Some((frame.at, frame.sent.switch()?))).collect();
@@ -687,7 +688,7 @@ impl History {
         self.versions.iter().take_while(|(from, _)| *from <= at).last().map_or(first, |(_, version)| *version)
     }
 
-    /// How many status IDs the ECU sends in turn: the fewest and the most of all that were plugged in.
+    /// Number of status IDs that the ECU sends in turn: fewest and most of all ECUs that were plugged in.
     pub fn rounds(&self) -> (u64, u64) {
         let first = self.rules.round;
         // ZK-7.
@@ -707,21 +708,21 @@ impl History {
         self.samples[..self.samples.partition_point(|sample| sample.at <= at)].last()
     }
 
-    /// The samples of a time.
+    /// The samples of an interval.
     pub fn samples(&self, from_us: u64, to_us: u64) -> &[Sample] {
         let first = self.samples.partition_point(|sample| sample.at < from_us);
         let last = self.samples.partition_point(|sample| sample.at <= to_us).max(first);
         &self.samples[first..last]
     }
 
-    /// The frames of a time.
+    /// The frames of an interval.
     pub fn frames_within(&self, from_us: u64, to_us: u64) -> &[Frame] {
         let first = self.frames.partition_point(|frame| frame.at < from_us);
         let last = self.frames.partition_point(|frame| frame.at < to_us).max(first);
         &self.frames[first..last]
     }
 
-    /// The times in which something was so, by the samples.
+    /// The times in which a condition held, by the samples.
     pub fn times(&self, is: impl Fn(&Sample) -> bool) -> Spans {
         let mut spans = Spans::default();
         for pair in self.samples.windows(2) {
@@ -735,14 +736,14 @@ impl History {
         spans
     }
 
-    /// The times in which the pin of the valve was so.
+    /// The times in which the pin of the valve had this state.
     pub fn pin_is(&self, wanted: Pin) -> Spans {
         let ends = self.pin.iter().skip(1).map(|(at, _)| *at).chain([self.end]);
         let all = self.pin.iter().zip(ends).filter(|((_, pin), _)| *pin == wanted);
         Spans::from(&all.map(|((from, _), to)| (*from, to)).collect::<Vec<_>>())
     }
 
-    /// The times in which the power of starter and ignition was so.
+    /// The times in which the power of starter and ignition had this state.
     pub fn power_is(&self, wanted: Option<bool>) -> Spans {
         let ends = self.power.iter().skip(1).map(|(at, _)| *at).chain([self.end]);
         let all = self.power.iter().zip(ends).filter(|((_, power), _)| *power == wanted);
@@ -754,14 +755,14 @@ impl History {
         Spans::from(&self.resets.iter().map(|reset| (reset.down, reset.up)).collect::<Vec<_>>())
     }
 
-    /// What was commanded in a time, its end included.
+    /// The commands of an interval, its end included.
     pub fn commanded(&self, from_us: u64, to_us: u64) -> &[Commanded] {
         let first = self.commanded.partition_point(|commanded| commanded.at < from_us);
         let last = self.commanded.partition_point(|commanded| commanded.at <= to_us).max(first);
         &self.commanded[first..last]
     }
 
-    /// The last command of a source for which this holds, at or before an instant.
+    /// The last command of a source that satisfies this, at or before an instant.
     pub fn last_command(
         &self,
         source: usize,

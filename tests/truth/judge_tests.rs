@@ -1,4 +1,4 @@
-//! The judge can fail: for each rule a history made by hand that breaks it and nothing else, beside one that keeps it.
+//! The judge can fail: for each rule, a hand-made history that breaks only this rule, and one that keeps it.
 
 mod flight;
 mod mavlink;
@@ -135,7 +135,7 @@ impl Story {
         self
     }
 
-    /// Fuel flows although it is at rest.
+    /// Fuel flows although the engine is at rest.
     fn fuel(mut self, from: f64, to: f64) -> Self {
         for sample in
             self.0.samples.iter_mut().filter(|sample| (micros(from)..micros(to)).contains(&sample.at))
@@ -171,7 +171,7 @@ impl Story {
         assert_eq!(verdict.rules(), rules, "{:#?}", verdict.findings);
     }
 
-    /// What its wire does in doubt, or how soon its turbine obeys, is not what it is about.
+    /// It does not test the wire in doubt, or how soon the turbine obeys.
     #[track_caller]
     fn breaks_beside(self, others: &[Rule], rules: &[Rule]) {
         let verdict = self.judged();

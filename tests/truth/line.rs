@@ -1,4 +1,5 @@
-//! A line between pilots behind MAVLink and the node: frames come late, damaged, twice, or not at all, and never out of order.
+//! A line between pilots behind MAVLink and the node: frames arrive late, damaged, twice, or not at all, but never out of
+//! order.
 
 use crate::history::{MS, SECOND};
 use crate::pilots::Rng;
@@ -7,15 +8,15 @@ use std::collections::VecDeque;
 /// How good a line is.
 #[derive(Clone, Copy, Debug)]
 pub struct Quality {
-    /// Frames that are lost, that are damaged, and that come twice; per mille.
+    /// Frames that are lost, damaged, and duplicated; per mille.
     pub lost: u64,
     pub damaged: u64,
     pub twice: u64,
-    /// Chance that a frame is held up, with all behind it; per mille.
+    /// Chance that a frame is delayed, with all frames after it; per mille.
     pub held: u64,
 }
 
-/// A frame on its way, and what it meaning.
+/// A frame in transit, and its meaning.
 #[derive(Clone, Debug)]
 pub struct InFlight<T> {
     pub sent: u64,
@@ -50,7 +51,7 @@ impl<T: Clone> Line<T> {
         self.frames.pop_front_if(|frame| frame.due <= now)
     }
 
-    /// What is on its way is lost: its sender went down.
+    /// Frames in transit are lost: the sender went down.
     pub fn clear(&mut self) {
         self.frames.clear();
     }

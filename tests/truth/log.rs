@@ -1,4 +1,4 @@
-//! What happened in a world, for a reader.
+//! The log of a world.
 
 use crate::context::Judged;
 use crate::history::{Cause, PilotCommand, SECOND, Sent, Switch};
@@ -12,7 +12,7 @@ use std::fmt::Write;
 const BEFORE: u64 = 60 * SECOND;
 
 impl World {
-    /// What happened, for a reader; around the findings only, unless the whole is wanted.
+    /// The log; around the findings only, unless all of it is wanted.
     pub fn report(&self, whole: bool) -> String {
         let mut text = String::new();
         for (port, engine) in self.engines.iter().enumerate() {
@@ -61,7 +61,7 @@ fn lines(engine: &Judged) -> Vec<(u64, String)> {
             lines.push((commanded.at, format!("  {}: {}", names[commanded.source], commanded.command)));
         }
     }
-    // Of each kind of frame by itself: some take turns.
+    // Each kind of frame separately: some alternate.
     let mut sent: BTreeMap<u8, (u64, Option<Switch>, Sent)> = BTreeMap::new();
     for frame in &history.frames {
         let kind = |sent: Sent| match sent {

@@ -1,5 +1,5 @@
-//! Random worlds, judged by the truth: what pilots commanded, what was on the wires, the power of the ECUs, and what the
-//! simulated turbines did.
+//! Random worlds, judged by the truth: the pilots' commands, the frames on the wires, the power of the ECUs, and the
+//! simulated turbines.
 //!
 //! ```sh
 //! cargo test --test truth                                          # some engine-hours
@@ -40,7 +40,7 @@ const WORLD: u64 = 1200;
 /// Largest exempt share of the time for which a rule applies, per mille.
 const EXEMPT: u64 = 20;
 
-/// What many worlds came to.
+/// Result of many worlds.
 #[derive(Default)]
 struct Tally {
     seconds: u64,
@@ -104,7 +104,7 @@ fn number(name: &str) -> Option<u64> {
     std::env::var(name).ok()?.parse().ok()
 }
 
-/// Meaning each tenth of a long campaign.
+/// Reports each tenth of a long campaign.
 fn progress(before: u64, now: u64, engine_seconds: u64) {
     let tenth = |seconds: u64| seconds * 10 / engine_seconds;
     if engine_seconds >= LONG && tenth(now) > tenth(before) {
@@ -115,7 +115,7 @@ fn progress(before: u64, now: u64, engine_seconds: u64) {
 /// From this number of engine-seconds on, a campaign prints its progress.
 const LONG: u64 = 10 * 3600;
 
-/// Plays worlds from this seed on until this number of engine-seconds is over, or this number of worlds had findings.
+/// Plays worlds from this seed on for this number of engine-seconds, or until this number of worlds had findings.
 fn play(first: u64, engine_seconds: u64, threads: u64, enough: u64) -> (Tally, Option<String>) {
     let (seed, done, failed) = (AtomicU64::new(first), AtomicU64::new(0), AtomicU64::new(0));
     let (total, text) = (Mutex::new(Tally::default()), Mutex::new(None));
@@ -138,7 +138,7 @@ fn play(first: u64, engine_seconds: u64, threads: u64, enough: u64) -> (Tally, O
                     for engine in &world.engines {
                         total.seconds += WORLD;
                         total.add(seed, &engine.verdict);
-                        // At once: a long campaign may not come to its end.
+                        // At once: a long campaign may be interrupted.
                         for finding in &engine.verdict.findings {
                             let (rule, at) = (finding.rule, finding.at as f64 / SECOND as f64);
                             eprintln!("seed {seed}: {rule:?} at {at:.3} s: {}", finding.text);
@@ -155,7 +155,7 @@ fn play(first: u64, engine_seconds: u64, threads: u64, enough: u64) -> (Tally, O
     (total.into_inner().unwrap(), text.into_inner().unwrap())
 }
 
-/// What each rule has judged in some hours.
+/// Situations that occur within six hours.
 const IN_HOURS: [&str; 27] = [
     "doubts",
     "error sets in a start",
@@ -185,7 +185,7 @@ const IN_HOURS: [&str; 27] = [
     "stops",
     "valves closed",
 ];
-/// And what takes a hundred of them.
+/// Situations that take a hundred hours.
 const IN_A_HUNDRED_HOURS: [&str; 13] = [
     "CTF that has to be sent",
     "frames that rise at the rate after a loss of the source",

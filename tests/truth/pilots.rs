@@ -1,4 +1,4 @@
-//! Who commands an engine: people and boxes that know what they see of the turbine, and nothing of what the node thinks.
+//! Pilots of an engine: people and devices that know what they see of the turbine, and nothing of the node's state.
 
 use crate::history::{Demanded, MS, PilotCommand, SECOND};
 use sim::turbine::Phase;
@@ -38,7 +38,7 @@ impl Rng {
         from[self.below(from.len() as u64) as usize]
     }
 
-    /// Around this mean, never 0.
+    /// Distributed around this mean, never 0.
     pub fn wait(&mut self, mean: u64) -> u64 {
         self.between(mean / 10, mean * 2)
     }
@@ -57,15 +57,15 @@ pub struct View {
     pub max_rpm: Option<u32>,
 }
 
-/// What a pilot does for a while.
+/// A pilot's activity for a while.
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum Program {
     Silent,
     /// The same command over and over.
     Stream(PilotCommand),
-    /// From anywhere to a running engine, and down again, as it is documented.
+    /// From any state to a running engine, and down again, as documented.
     Fly(Stage),
-    /// Commands and falls silent, over and over, for these times.
+    /// Commands and falls silent, repeatedly, for these times.
     Flap(Demanded, u64, u64),
     /// A ground station: one command at a time.
     OneWord(u8),
@@ -83,20 +83,20 @@ enum Stage {
     Standby(Option<u64>),
     /// Run at idle, since.
     Start(u64),
-    /// Run with the stick where it is, until.
+    /// Run with an unchanged stick, until.
     Flight(u64),
     /// Standby, until.
     Down(u64),
 }
 
-/// What a pilot is like.
+/// Character of a pilot.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Habit {
     /// Flies.
     Flies,
     /// Repeats one command below another source.
     Below,
-    /// Silent for long, then the same demand for a while: takes over.
+    /// Silent for a long time, then the same demand for a while: takes over.
     Relieves,
     /// Anything.
     Restless,
@@ -104,10 +104,10 @@ pub enum Habit {
 
 #[derive(Debug)]
 pub struct Pilot {
-    /// 0 is the highest.
+    /// Source, 0 is the highest.
     pub source: usize,
     habit: Habit,
-    /// From command to command.
+    /// Interval between commands.
     period: u64,
     pub next: u64,
     program: Program,
@@ -117,13 +117,13 @@ pub struct Pilot {
     armed: bool,
     /// Keeps the stick where it is when the engine goes out.
     stubborn: bool,
-    /// Moves the stick seldom.
+    /// Seldom moves the stick.
     calm: bool,
     /// Does not wait for a cool engine.
     hasty: bool,
     /// Flies by shaft speed, where the ECU takes one.
     by_rpm: bool,
-    /// Standby of an engine that is ready, before its start.
+    /// Standby time of a ready engine before its start.
     patience: u64,
     /// When it commands "arm" again.
     next_arm: u64,
@@ -131,7 +131,7 @@ pub struct Pilot {
 
 impl Pilot {
     pub fn new(rng: &mut Rng, source: usize, habit: Habit, in_a_group: bool) -> Self {
-        // Some speak at the very instant of a slot.
+        // Some command at the very instant of a slot.
         let grain = if rng.percent(20) { 50 * MS } else { 1 };
         let first = rng.below(3 * SECOND) / grain * grain;
         Self {
@@ -206,7 +206,7 @@ impl Pilot {
             (Habit::Below, 75..88) => Program::Stream(PilotCommand::Nothing),
             (Habit::Below, _) => Program::Silent,
             (Habit::Restless, 54..64) => Program::OneWord(0),
-            // A transmitter that is on, and commands nothing.
+            // A transmitter that is on but commands nothing.
             (Habit::Restless, 64..68) => Program::Stream(PilotCommand::Nothing),
             (Habit::Restless, 68..76) => Program::Stream(PilotCommand::Run(if rng.percent(60) {
                 Demanded::Throttle(0)
@@ -303,7 +303,7 @@ impl Pilot {
                 };
                 self.next = now + wait;
                 self.until = u64::MAX;
-                // Who does not disarm stays as it was: armed in its own eyes.
+                // A pilot that does not disarm remains as it was: armed from its own point of view.
                 if *step >= 5 || *step == 3 && rng.percent(30) || *step == 1 && rng.percent(5) {
                     self.armed |= *step == 5;
                     self.until = now;
@@ -351,7 +351,7 @@ impl Pilot {
             Stage::Start(since) => {
                 let up = rng.percent(1) && rng.percent(10);
                 commands.push(PilotCommand::Run(if up { self.stick } else { Demanded::Throttle(0) }));
-                // A person ends it, beside what is streamed.
+                // A person ends it, in addition to the stream.
                 if rng.below(200 * SECOND) < self.period {
                     commands.push(PilotCommand::ShutDown);
                 }
@@ -361,7 +361,7 @@ impl Pilot {
                 if view.phase == Phase::Running && now > since + 5 * SECOND {
                     *stage = Stage::Flight(now + rng.wait(90 * SECOND));
                 } else if now > since + 90 * SECOND || !view.phase.is_live() && now > since + 8 * SECOND {
-                    // It did not come: again from the beginning, or not.
+                    // It did not start: again from the beginning, or not.
                     self.armed = rng.percent(40);
                     *stage = if self.stubborn && rng.percent(90) {
                         Stage::Start(now)
@@ -377,7 +377,7 @@ impl Pilot {
                     self.stick = demand(rng, view, self.by_rpm);
                 }
                 commands.push(PilotCommand::Run(self.stick));
-                // A link that is lost for a while; at most of the times for as long as a person takes to notice.
+                // A link that is lost for a while, mostly for as long as a person takes to notice.
                 if rng.below(60 * SECOND) < self.period {
                     let most = if rng.percent(20) { 200 } else { 20 };
                     self.next = now + rng.spread(100 * MS, most * SECOND);

@@ -1,4 +1,5 @@
-//! A pilot with a transmitter: a stick, a switch and a hand-over switch, the SBUS frames of the receiver, and what the node makes of them.
+//! A pilot with a transmitter: a stick, a switch and a hand-over switch, the SBUS frames of the receiver, and the node's commands
+//! from them.
 
 use crate::history::{MS, PilotCommand, Position, RadioRules, SBUS, SECOND};
 use crate::pilots::{Rng, View};
@@ -16,10 +17,10 @@ use sim::receiver::{CHANNELS, sbus, steps};
 use sim::turbine::Phase;
 use std::collections::VecDeque;
 
-/// Where stick and switches are on the transmitter, and which pulses they give.
+/// Channels and pulses of stick and switches on the transmitter.
 #[derive(Clone, Copy, Debug)]
 pub struct Layout {
-    /// How the node is to read them.
+    /// The node's settings for them.
     rules: RadioRules,
     /// Pulses of stop, standby and run.
     positions: [u16; 3],
@@ -108,7 +109,7 @@ enum Sends {
     Good,
     /// Without its transmitter: the last values, flagged as lost and as fail-safe.
     Frozen,
-    /// Values that were set up for a lost transmitter, with the flag "fail-safe" alone: run allowed at idle.
+    /// Preset values for a lost transmitter, with the flag "fail-safe" alone: run allowed at idle.
     Presets,
     /// The same values with the flag "frame lost" alone.
     Lost,
@@ -122,7 +123,7 @@ enum Sends {
 
 const AWAY: [Sends; 4] = [Sends::Frozen, Sends::Presets, Sends::Lost, Sends::Nothing];
 
-/// Stick and switches, and what becomes of them.
+/// Stick and switches, and the state of the receiver.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 struct Sticks {
     position: Position,
@@ -146,7 +147,7 @@ impl Sticks {
     }
 }
 
-/// What the person is about.
+/// Intention of the person.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Program {
     Stopped,
@@ -155,18 +156,18 @@ enum Program {
     Flight,
 }
 
-/// A transmitter, and who holds it.
+/// A transmitter and its pilot.
 #[derive(Debug)]
 pub struct Transmitter {
     /// Its own: nothing else in a world depends on it.
     rng: Rng,
     sticks: Sticks,
     program: Program,
-    /// What comes next, each for this long.
+    /// The next moves, each with its duration.
     steps: VecDeque<(Sticks, u64)>,
     until: u64,
     pub next: u64,
-    /// From frame to frame of the receiver.
+    /// Interval between frames of the receiver.
     period: u64,
     /// Damaged frames, per mille.
     noise: u64,
@@ -175,7 +176,7 @@ pub struct Transmitter {
     armings: u32,
 }
 
-/// The node's end of it.
+/// The node's end of the line.
 pub type Receiver<'a> = Service<'a, 1>;
 
 impl Transmitter {
@@ -207,7 +208,7 @@ impl Transmitter {
         Service::new(Input::Sbus(Sbus::new()), [pilot])
     }
 
-    /// The person moves on. Stick and switches where they moved, for the log.
+    /// The person's next move. Returns stick and switches if they moved, for the log.
     pub fn fly(&mut self, view: &View) -> Option<String> {
         let now = view.now;
         if self.program == Program::Start && view.phase == Phase::Running {
@@ -266,7 +267,7 @@ impl Transmitter {
         self.steps.push_back((sticks, time));
     }
 
-    /// What a person does wrong with an engine at rest. None of it starts one.
+    /// Mistakes of a person with an engine at rest. None of them starts it.
     fn drill(&mut self) {
         use Position::{Run, Standby, Stop};
         let away = self.rng.pick(&AWAY);
@@ -365,7 +366,7 @@ impl Transmitter {
         self.step(back, SECOND, 10 * SECOND);
     }
 
-    /// The next frame goes to the node, if there is one. Gives the frame that came to it, and what was commanded with it.
+    /// The next frame goes to the node, if there is one. Returns the frame that reached it, and the commands from it.
     pub fn send(
         &mut self,
         now: u64,
@@ -396,7 +397,7 @@ impl Transmitter {
     }
 }
 
-/// What a frame commanded.
+/// The commands of a frame.
 fn commanded(outcome: Outcome) -> Vec<PilotCommand> {
     let Outcome::Commanded(command, _) = outcome else { return Vec::new() };
     let command = settings::commanded(command);

@@ -1,4 +1,4 @@
-//! How the engines of a world are configured, and what the judge knows of it. The ECUs are in `ecus/`.
+//! The configuration of the engines of a world, and what the judge knows of it. The ECUs are in `ecus/`.
 
 use crate::ecus;
 use crate::history::{Demanded, MS, PilotCommand, Rules, SECOND};
@@ -12,7 +12,7 @@ use jetlink::limit::{Action, Limit};
 use jetlink::units::{Celsius, Millivolts, Rpm, Throttle};
 use sim::any::{AnyConfig, AnyEcu, Protocol};
 
-/// One engine: how the node is configured for it, and what its ECU is.
+/// One engine: the node's configuration for it, and its ECU.
 #[derive(Clone, Debug)]
 pub struct Setup {
     pub config: EngineConfig,
@@ -22,7 +22,7 @@ pub struct Setup {
 }
 
 impl Setup {
-    /// For the named cases: default settings, and an AMT ECU that does what harm the document allows.
+    /// For the named cases: default settings, and an AMT ECU that is as harmful as the document allows.
     pub fn amt_case() -> Self {
         Self::case(ecus::amt::case())
     }
@@ -42,8 +42,8 @@ impl Setup {
         Self { config, rules, line, ecu }
     }
 
-    /// The same for a world of drills: settings that matter are there more often, and the turbine is small and quick, so that an hour
-    /// has many starts.
+    /// The same for a world of drills: settings that matter are more frequent, and the turbine is small and quick, so that an
+    /// hour has many starts.
     pub fn drilled(mut self, rng: &mut Rng, count: usize) -> Self {
         let all = &mut self.config.supervision;
         all.start.egt_max = Celsius::from_tenths(rng.pick(&[1000, 2000, 2000]));
@@ -106,7 +106,7 @@ impl Setup {
         self.ecu.protocol()
     }
 
-    /// Another one of the kind, the same engine on an ECU of this version; `None` if it has no versions.
+    /// The same engine with another ECU of this version; `None` if there are no versions.
     pub fn another(&self, version: u8) -> Option<AnyEcu> {
         ecus::config(&self.ecu).another(version)
     }
@@ -133,7 +133,8 @@ impl Setup {
         })
     }
 
-    /// Other settings that somebody has flashed: the same rules, other numbers that a rule does not bind.
+    /// Other settings that somebody has flashed: the same rules, with other values where no rule depends on
+    /// them.
     pub fn other_settings(&self) -> EngineConfig {
         let mut config = self.config;
         let supervision = &mut config.supervision;
@@ -162,7 +163,7 @@ impl Setup {
 /// The settings of the engines of one node.
 pub fn setups(rng: &mut Rng, count: usize) -> Vec<Setup> {
     let gap = Duration::from_millis(rng.pick(&[0, 3000, 10_000]));
-    // They spare each other: then all of them do.
+    // If one of them reduces for another, all of them do.
     let spare = (count > 1 && rng.percent(60)).then(|| rng.pick(&[300, 500, 800]));
     (0..count).map(|port| setup(rng, port as u8, gap, spare, count)).collect()
 }
@@ -232,7 +233,7 @@ fn setup(rng: &mut Rng, port: u8, gap: Duration, spare: Option<u16>, count: usiz
     Setup::of(config, ecu, count)
 }
 
-/// What the judge may know of the settings.
+/// What the judge may know about the settings.
 fn rules(config: &EngineConfig, ecu: &AnyConfig, count: usize) -> Rules {
     let all = &config.supervision;
     let micros = |time: Duration| time.as_micros();
@@ -312,7 +313,7 @@ fn rules(config: &EngineConfig, ecu: &AnyConfig, count: usize) -> Rules {
     }
 }
 
-/// What a command of radio control or of MAVLink is to the judge.
+/// A command of radio control or MAVLink in the judge's terms.
 pub fn commanded(command: Command) -> PilotCommand {
     match command {
         Command::Standby => PilotCommand::Standby,

@@ -1,4 +1,4 @@
-//! The outputs of an engine as the firmware drives them: its fuel valve, with the relay in front of it, and the power of its starter.
+//! The outputs of an engine as the firmware drives them: its fuel valve, with the relay before it, and the power of its starter.
 
 use crate::history::{History, Pin, SECOND};
 use jetlink::engine::retained::RetainedState;

@@ -1,5 +1,5 @@
-//! Pilots behind MAVLink: an autopilot, a ground station, a second vehicle, and the lines between them and the node. They speak as
-//! the documents have it, and now and then as they should not.
+//! Pilots behind MAVLink: an autopilot, a ground station, a second vehicle, and the lines between them and the node. They send
+//! what is documented, and now and then what they should not.
 
 use crate::context::EngineContext;
 use crate::frames::{
@@ -40,11 +40,11 @@ const FLIGHT_TERMINATION: u16 = 185;
 const USER_1: u16 = 31010;
 const MAGIC: f32 = 21196.0;
 
-/// A frame is late from 0.3 s on, give or take this.
+/// A frame is late from 0.3 s on, plus or minus this.
 const LATE: u64 = 300 * MS;
 const LATE_SLACK: u64 = 60 * MS;
 
-/// What a frame means, and to which engines of the node.
+/// The meaning of a frame for the engines of the node.
 #[derive(Clone, Debug)]
 enum Meaning {
     /// Nothing that counts.
@@ -55,7 +55,7 @@ enum Meaning {
     Outputs(u32, Vec<Option<Option<u32>>>),
 }
 
-/// Who looks after one engine, and how it is set.
+/// The operator of one engine, and the settings of it.
 #[derive(Debug)]
 struct Person {
     engine: usize,
@@ -93,18 +93,18 @@ struct Autopilot {
     next_heartbeat: u64,
     next_outputs: u64,
     every: u64,
-    /// Its outputs are not sent until then, or have no pulse.
+    /// Until then its outputs are not sent, or have no pulse.
     silent_until: u64,
     dark_until: u64,
     next_trouble: u64,
 }
 
-/// What the judge needs to know of the autopilot's frames that came to the node.
+/// What the judge needs to know about the autopilot's frames that reached the node.
 #[derive(Clone, Copy, Debug, Default)]
 struct OutputFrames {
     /// Smallest delay since the node or the autopilot began.
     quickest: Option<u64>,
-    /// Clock of the last frame, and of the autopilot's boot that it is of.
+    /// Clock of the last frame, and of the boot of the autopilot that it belongs to.
     last: Option<(u32, u64)>,
     /// Frames of a new clock, and when the first one came.
     anew: Option<(u32, u64)>,
@@ -124,9 +124,9 @@ struct Later {
 pub struct Vehicle {
     rng: Rng,
     learns: bool,
-    /// What is stored of it.
+    /// What the node has stored of it.
     learnt: u8,
-    /// A second vehicle is there; where the id is learnt, it comes and goes, and then and until then.
+    /// A second vehicle is present; where the id is learnt, it comes and goes, from then until then.
     company: bool,
     company_until: u64,
     next_company: u64,
@@ -228,7 +228,7 @@ impl Vehicle {
         }
     }
 
-    /// The node begins. Gives its end.
+    /// The node begins. Returns its end of the line.
     pub fn begin<'a, const N: usize>(
         &mut self,
         now: u64,
@@ -273,7 +273,7 @@ impl Vehicle {
         self.autopilot.off_until.max(self.autopilot.silent_until).max(self.autopilot.dark_until)
     }
 
-    /// All of them do what they do, once.
+    /// All of them act once.
     pub fn act<const N: usize>(
         &mut self,
         now: u64,
@@ -329,7 +329,7 @@ impl Vehicle {
         let mut notes = Vec::new();
         if now >= plane.next_boot {
             plane.off_until = now + rng.spread(200 * MS, 40 * SECOND);
-            // Now and then it boots over and over.
+            // Now and then it boots repeatedly.
             let again =
                 if rng.percent(25) { rng.spread(SECOND, 10 * SECOND) } else { rng.wait(600 * SECOND) };
             plane.next_boot = plane.off_until + again;
@@ -439,7 +439,7 @@ impl Vehicle {
                 self.company_until = now + self.rng.spread(SECOND, 60 * SECOND);
                 self.next_company = self.company_until + self.rng.wait(300 * SECOND);
             }
-            // Alone it would be learnt in place of ours.
+            // Alone, it would be learnt in place of ours.
             let ours = now > self.autopilot.booted + 5 * SECOND || self.autopilot.booted == 0;
             if now >= self.company_until || now < self.autopilot.off_until || !ours {
                 self.next_stranger = now + SECOND;
@@ -465,7 +465,7 @@ impl Vehicle {
         self.send(now, TO_AUTOPILOT, STRANGER, &message, Meaning::Nothing);
     }
 
-    /// Who looks after an engine: one word at a time.
+    /// The operator of an engine: one command at a time.
     fn look_after(&mut self, now: u64, place: usize, view: &View, contexts: &mut [EngineContext]) {
         if now < self.people[place].next_word {
             return;
@@ -529,7 +529,7 @@ impl Vehicle {
                     self.stop(now, place, contexts);
                     (Program::Down, self.rng.wait(30 * SECOND))
                 } else {
-                    // Nobody stops it: again, and nothing comes of it.
+                    // Nobody stops it: the command is repeated, without effect.
                     self.start(now, place, false, contexts);
                     (Program::Flight, self.rng.wait(60 * SECOND))
                 }
@@ -550,7 +550,7 @@ impl Vehicle {
         self.people[place].until = now + time;
     }
 
-    /// Sends a command of a person who may, most of the time from the ground station, and again where it seems to be lost.
+    /// Sends a command of an authorized person, mostly from the ground station, and repeats it if it seems to be lost.
     fn command(&mut self, now: u64, to: u8, number: u16, params: [f32; 7], meaning: Meaning) {
         let companion = self.rng.percent(8);
         let (port, from) = if companion { (TO_AUTOPILOT, COMPANION) } else { (TO_GROUND, GROUND) };
@@ -610,7 +610,7 @@ impl Vehicle {
         }
     }
 
-    /// Something that must not move an engine, or a word out of turn.
+    /// Something that must not affect an engine, or an unexpected command.
     fn slip(&mut self, now: u64, place: usize, contexts: &mut [EngineContext]) {
         let engine = self.people[place].engine;
         let own = (SYSTEM, NODE + 1 + place as u8);
@@ -620,7 +620,7 @@ impl Vehicle {
         let from_ground = |to, number, params| (TO_GROUND, GROUND, to, number, params);
         let what = rng.pick(&[start, start, stop]);
         let (port, from, to, number, params) = match rng.below(8) {
-            // Nobody who may.
+            // From an unauthorized sender.
             0 => (TO_GROUND, NOBODY, own, ENGINE_CONTROL, what),
             1 => (TO_AUTOPILOT, STRANGER, own, ENGINE_CONTROL, what),
             // Not to us, or to all.
@@ -638,7 +638,7 @@ impl Vehicle {
                 }
                 from_ground(own, ENGINE_CONTROL, params)
             }
-            // Without the number that it takes, or a service that there is not.
+            // Without its parameter, or with a service that does not exist.
             5 => {
                 let first = rng.pick(&[1.0, 2.0, 4.0, 99.0]);
                 from_ground(own, USER_1, [first, rng.pick(&[0.0, 21_195.0]), 0.0, 0.0, 0.0, 0.0, 0.0])
@@ -714,7 +714,7 @@ impl Vehicle {
             Some(Meaning::Nothing) => {}
             Some(Meaning::To(place, word)) => say(self.people[place].engine, word),
             Some(Meaning::All(word)) => self.people.iter().for_each(|person| say(person.engine, word)),
-            // A frame that comes again has not advanced.
+            // A repeated frame has not advanced.
             Some(Meaning::Outputs(..)) if copy => {}
             Some(Meaning::Outputs(clock, throttles)) => {
                 if let Some(sure) = self.output_frames.counts(now, sent, clock, self.autopilot.booted) {
@@ -730,7 +730,7 @@ impl Vehicle {
         self.collect(now, contexts, service);
     }
 
-    /// Writes down what was commanded, and what was answered.
+    /// Records the commands and the answers.
     fn collect<const N: usize>(
         &mut self,
         now: u64,
@@ -762,7 +762,7 @@ impl Vehicle {
 }
 
 impl OutputFrames {
-    /// Whether a frame of outputs may count, and whether it does for sure.
+    /// Whether a frame of outputs may count, and whether it certainly does.
     fn counts(&mut self, now: u64, sent: u64, clock: u32, booted: u64) -> Option<bool> {
         let delay = now - sent;
         let last = self.last.replace((clock, booted));

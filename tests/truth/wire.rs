@@ -1,4 +1,4 @@
-//! The control frames in the record of a wire, in the terms of the judge. What the bytes mean is up to the simulation's reader.
+//! The control frames in the record of a wire, in the judge's terms. The simulation's decoder interprets the bytes.
 
 use crate::ecus;
 use crate::history::Frame;
@@ -21,7 +21,7 @@ impl Reader {
         Self { frames: control::Reader::new(protocol), last: 0 }
     }
 
-    /// When each frame of the ECU ended behind which another one begins in this part of the record, in µs.
+    /// The end, in µs, of each frame of the ECU after which another one begins in this part of the record.
     pub fn ends_of_reports(&mut self, record: &[Entry]) -> Vec<u64> {
         let mut ends = Vec::new();
         for entry in record.iter().filter(|entry| entry.direction == Direction::ToNode) {
@@ -33,12 +33,12 @@ impl Reader {
         ends
     }
 
-    /// When the last one ended, or its bytes up to now.
+    /// End of the last one, or of its bytes up to now.
     pub fn last_report(&self) -> Option<u64> {
         Some(self.last / 1000).filter(|last| *last > 0)
     }
 
-    /// The frames whose last byte is in this part of the record.
+    /// The frames with their last byte in this part of the record.
     pub fn read(&mut self, record: &[Entry]) -> Vec<Frame> {
         let frame = |frame: control::Frame| Frame {
             at: frame.start / 1000,

@@ -1,5 +1,5 @@
-//! Random worlds: one to three engines with simulated ECUs of every temper on a node that is reset now and then, and
-//! pilots that command them well and badly. Everything comes from one seed.
+//! Random worlds: one to three engines, with simulated ECUs of every behaviour, on a node that is reset now and
+//! then, and pilots that command them well and badly. Everything comes from one seed.
 
 use crate::acts::{Act, Blow};
 use crate::context::{EngineContext, Judged, LOOK, now};
@@ -73,7 +73,7 @@ fn random<const N: usize>(seed: u64, rng: &mut Rng, seconds: u64) -> World {
     play::<N>(seed, rng, contexts, vehicle, fate, together, seconds * SECOND)
 }
 
-/// Half of the worlds are drills: one thing goes wrong at a time, one after the other.
+/// Half of the worlds are drills: one fault at a time.
 fn is_drilled(seed: u64) -> bool {
     !vehicle::SEEDS.contains(&seed) && Rng(seed).next() & 1 == 0
 }
@@ -89,7 +89,7 @@ fn drilled<const N: usize>(seed: u64, rng: &mut Rng, seconds: u64) -> World {
     play::<N>(seed, rng, contexts, None, Fate::Drills, u64::MAX, seconds * SECOND)
 }
 
-/// Plays a case: what happens to each engine, and to the node.
+/// Plays a case: the acts on each engine, and on the node.
 pub fn case<const N: usize>(engines: [(Setup, Vec<(u64, Act)>); N], blows: Vec<Blow>, seconds: u64) -> World {
     clock::reset();
     let contexts = engines.into_iter().map(|(setup, acts)| EngineContext::scripted(setup, acts)).collect();
@@ -140,7 +140,7 @@ fn play<const N: usize>(
         before = cause;
         other_engine ^= other;
         if other && cause == Cause::Watchdog {
-            // As much is left of another engine's memory as of one that a loss of power spared.
+            // Another engine's memory retains as much as one after a loss of power.
             cause = Cause::BrownOut;
         }
         let life = Duration::from_micros(now() - began_at);
@@ -194,7 +194,7 @@ fn play<const N: usize>(
 
 type Tasks<'a> = Vec<Pin<Box<dyn Future<Output = ()> + 'a>>>;
 
-/// What always continues: the wires and the ECUs.
+/// The parts that always run: the wires and the ECUs.
 #[expect(clippy::disallowed_methods, reason = "time passes, whether or not anybody waits")]
 fn nature(contexts: &[EngineContext]) -> Tasks<'static> {
     let mut tasks: Tasks<'static> = Vec::new();
@@ -222,7 +222,7 @@ async fn poll_all(tasks: &mut Tasks<'_>) {
     .await;
 }
 
-/// Lets everything but the node act once.
+/// Lets everything except the node act once.
 fn act_all<const N: usize>(
     rng: &mut Rng,
     contexts: &mut [EngineContext],

@@ -1,4 +1,4 @@
-//! Drills in flight in which one thing goes wrong within another.
+//! Drills in flight in which one fault occurs within another.
 
 use super::{Condition, Director, Step, beside, fault, once, silent, stream, throttle};
 use crate::ecus::Odd;
@@ -22,7 +22,7 @@ impl Director {
         }
     }
 
-    /// The cut hides that it happened, and what an ECU says when it is powered up.
+    /// The cut hides the event, and the report of an ECU that is powered up.
     fn out_in_a_gap(&self, rng: &mut Rng) -> Vec<Step> {
         let length = self.outlived(rng.between(900, 6000) * MS);
         let out = match rng.below(3) {
@@ -48,7 +48,7 @@ impl Director {
         ]
     }
 
-    /// The order is given up in a gap, and the engine comes back as it was, in another state, or with faults.
+    /// The order is given up in a gap, and the engine is then as before, in another state, or has faults.
     fn given_up(&self, rng: &mut Rng) -> Vec<Step> {
         let length = self.outlived(self.rules.serial_delay + rng.between(300, 3000) * MS);
         let before_its_end = rng.between(50, 400) * MS;
@@ -76,7 +76,7 @@ impl Director {
         [begins, stop.to_vec(), vec![Step::Wait(4 * SECOND)]].concat()
     }
 
-    /// For longer than an ECU of an early version waits, where it is a later one.
+    /// Longer than an ECU of an early version waits, if this is a later one.
     fn damage_to_the_ecu(&self, rng: &mut Rng) -> Vec<Step> {
         let length = self.outlived(rng.spread(900 * MS, 9500 * MS));
         let meanwhile = match rng.below(3) {
@@ -92,7 +92,8 @@ impl Director {
         ]
     }
 
-    /// A report of an engine at rest right before a gap, and one right behind it, neither of which its ECU sent: they do not agree.
+    /// A report of an engine at rest right before a gap, and one right after it, neither sent by the ECU: they are not
+    /// consecutive.
     fn at_rest_around_a_gap(&self, rng: &mut Rng) -> Vec<Step> {
         let period = self.rules.period;
         let length = self.outlived(period * rng.between(5, 12));
@@ -128,7 +129,7 @@ impl Director {
         [begins, resets, vec![Step::Wait(all + last + 4 * SECOND)]].concat()
     }
 
-    /// It waits below the source that flies, which is away for a moment: with an order that is given up, or behind a reset.
+    /// It waits below the source that flies, which is away for a moment: with an order that is given up, or after a reset.
     fn lower_standby(&self, rng: &mut Rng) -> Vec<Step> {
         let Some(lower) = self.lower(rng) else { return Vec::new() };
         let cut = self.outlived(self.rules.serial_delay + rng.between(300, 1500) * MS);
@@ -150,7 +151,7 @@ impl Director {
         [begins, both, vec![Step::Wait(4 * SECOND)]].concat()
     }
 
-    /// It was lost, and has to command for a while before it is in control: the node is reset over and over before that.
+    /// It was lost, and has to command for a while before it is in control: the node is reset repeatedly before that.
     fn resets_of_a_lost_source(&self, rng: &mut Rng) -> Vec<Step> {
         let last = self.rules.standby_after.unwrap_or(10 * SECOND);
         let runs = rng.between(420, 720) * MS;
@@ -166,7 +167,7 @@ impl Director {
         [begins, resets.collect(), vec![Step::Wait(3 * SECOND)]].concat()
     }
 
-    /// A demand that no frame has carried is none that was in force.
+    /// A demand that no frame has carried was never in force.
     fn stall_and_reset(&self, rng: &mut Rng) -> Vec<Step> {
         let length = self.rules.gives_up_after * rng.between(50, 75) / 100;
         vec![

@@ -12,7 +12,7 @@ impl Director {
     pub(super) fn in_flight(&self, rng: &mut Rng) -> (&'static str, Vec<Step>) {
         let amt = self.is_amt();
         if self.in_a_group && rng.percent(40) {
-            // It is the other ones that show what comes of it.
+            // The effect shows at the other engines.
             let length = rng.between(4, 14) * SECOND;
             let wire = rng.pick(&[Fault::FlameOut, Fault::FlameOut, Fault::CutToNode]);
             return ("an engine fails", vec![fault(wire, length), Step::Wait(length + 4 * SECOND)]);
@@ -66,11 +66,11 @@ impl Director {
             2 => rng.spread(SECOND, 8 * SECOND),
             _ => rng.spread(2 * SECOND, 25 * SECOND),
         };
-        // Most are such as the engine outlives.
+        // The engine survives most of them.
         (wire, if rng.percent(94) { self.outlived(length) } else { length })
     }
 
-    /// A wire is cut, and the stick moves meanwhile, or another source comes, or all fall silent.
+    /// A wire is cut, and meanwhile the stick moves, another source appears, or all fall silent.
     fn gap(&self, rng: &mut Rng) -> Vec<Step> {
         let (wire, length) = self.cut(rng);
         let before = length * rng.between(10, 95) / 100;
@@ -96,8 +96,8 @@ impl Director {
         vec![fault(what, length.max(MS)), Step::Wait(length + SECOND)]
     }
 
-    /// The source falls silent: for less than its timeout, for a short gap, up to each of the stages of loss; and something happens
-    /// meanwhile.
+    /// The source falls silent: for less than its timeout, for a short gap, or up to each of the stages of loss; and something
+    /// happens meanwhile.
     fn silence(&self, rng: &mut Rng) -> Vec<Step> {
         let mut steps = Vec::new();
         if rng.percent(50) {
@@ -144,7 +144,7 @@ impl Director {
         steps.extend(meanwhile);
         steps.push(Step::Wait(length.saturating_sub(begins)));
         if rng.percent(50) {
-            // It comes back with more than before.
+            // It returns with a higher demand than before.
             steps.extend([stream(self.main, throttle(1000)), Step::Wait(4 * SECOND)]);
         }
         steps
@@ -170,7 +170,7 @@ impl Director {
         steps
     }
 
-    /// Another source comes, for a while or for good; and falls silent, or the first one does.
+    /// Another source appears, for a while or permanently; then it or the first one falls silent.
     fn another_source(&self, rng: &mut Rng) -> Vec<Step> {
         let lower = self.lower(rng);
         let Some(other) = self.higher(rng).or(lower).filter(|_| rng.percent(70)).or(lower) else {
@@ -192,7 +192,7 @@ impl Director {
         steps
     }
 
-    /// Words that shut nothing down, and such as do.
+    /// Commands that shut nothing down, and commands that do.
     fn stray_words(&self, rng: &mut Rng) -> Vec<Step> {
         let other = rng.below(4) as usize;
         match rng.below(7) {
@@ -228,7 +228,7 @@ impl Director {
         let mut steps = vec![stream(self.main, throttle(1000)), Step::Wait(rng.between(8, 14) * SECOND)];
         match rng.below(3) {
             0 => steps.push(Step::Reset(Cause::Watchdog, 20 * MS)),
-            // For long enough to see that it is obeyed below the fail-safe throttle, too.
+            // Long enough to show that it is obeyed below the fail-safe throttle, too.
             1 => steps.extend([stream(self.main, throttle(rng.pick(&[0, 200]))), Step::Wait(12 * SECOND)]),
             _ => {}
         }
@@ -319,8 +319,8 @@ impl Director {
         ]
     }
 
-    /// Reports of an engine at rest, with good ones between them: they do not agree. Or such as say too little to end a life, or of
-    /// which it takes more.
+    /// Reports of an engine at rest, with true ones between them: they are not consecutive. Or reports that are not enough to end
+    /// a life.
     fn odd_frames(&self, rng: &mut Rng) -> Vec<Step> {
         let odd = |odd| fault(Fault::OddFrame(odd), MS);
         match rng.below(10) {
@@ -328,7 +328,7 @@ impl Director {
                 let frames = (0..rng.between(1, 4)).flat_map(|_| [odd(Odd::SlowShaft), Step::Wait(30 * MS)]);
                 return frames.chain([Step::Wait(3 * SECOND)]).collect();
             }
-            // Two in a row: a change that no turbine makes.
+            // Two consecutive ones: an implausible change.
             2 | 3 => return vec![odd(Odd::SlowShaft), odd(Odd::SlowShaft), Step::Wait(8 * SECOND)],
             4 => return vec![odd(Odd::HotExhaust), Step::Wait(5 * SECOND)],
             5 if !self.is_amt() => {
@@ -338,14 +338,14 @@ impl Director {
             }
             _ => {}
         }
-        // The state comes once in ten frames at most.
+        // At most one frame in ten has the state.
         let apart = self.rules.period * if self.is_amt() { 22 } else { 100 } / 10;
         (0..rng.between(1, 6))
             .flat_map(|_| [fault(Fault::OddFrame(Odd::AtRest), MS), Step::Wait(apart)])
             .collect()
     }
 
-    /// By how much the demand is reduced while another engine has failed, which may be now.
+    /// A change of the reduction while another engine has failed, which may be now.
     fn shares(&self, rng: &mut Rng) -> Vec<Step> {
         let changes = (0..rng.between(1, 4)).flat_map(|_| {
             [Step::Act(Act::Share(rng.pick(&[300, 500, 800]))), Step::Wait(rng.between(2, 7) * SECOND)]
@@ -353,7 +353,7 @@ impl Director {
         changes.collect()
     }
 
-    /// Standby, and run again as soon as it is out; or a service.
+    /// Standby, and run again as soon as the engine is out; or a service.
     fn start_while_hot(&self, rng: &mut Rng) -> Vec<Step> {
         let next = match self.is_amt() || rng.percent(50) {
             true => stream(self.main, IDLE),
@@ -382,13 +382,14 @@ impl Director {
         ]
     }
 
-    /// The source is there, and commands nothing.
+    /// The source is present but commands nothing.
     fn present(&self, rng: &mut Rng) -> Vec<Step> {
         let lasts = self.to_hold_end() + 1000 * SECOND / u64::from(self.rules.ramp) + 3 * SECOND;
         vec![stream(self.main, PilotCommand::Nothing), Step::Wait(lasts * rng.between(20, 110) / 100)]
     }
 
-    /// Standby, and the engine runs on because the wire to its ECU is cut: the node is reset, and must not run what it finds.
+    /// Standby, but the engine keeps running because the wire to its ECU is cut: the node is reset, and must not send run to
+    /// the engine that it finds.
     fn standby_over_a_reset(&self, rng: &mut Rng) -> Vec<Step> {
         let length = self.outlived(rng.between(3000, 6000) * MS);
         vec![

@@ -10,7 +10,7 @@ use crate::pilots::Rng;
 const TOGETHER: u64 = 40 * SECOND;
 
 impl Director {
-    /// What is done with an engine that is ready, before its start.
+    /// Drills with a ready engine, before its start.
     pub(super) fn at_rest(&self, rng: &mut Rng) -> (&'static str, Vec<Step>) {
         let sends_by_itself = matches!(self.rules.kind, Kind::Zk(5..));
         match (rng.below(18), self.is_amt()) {
@@ -31,7 +31,7 @@ impl Director {
         }
     }
 
-    /// Its own standby again, with the engine as it is.
+    /// Its own standby again, with an unchanged engine.
     fn again(&self) -> Vec<Step> {
         let others = (0..4).filter(|source| *source != self.main).map(silent);
         let standby = [
@@ -47,7 +47,7 @@ impl Director {
     fn pump(&self, rng: &mut Rng) -> Vec<Step> {
         let mut steps = vec![once(self.main, OPEN_PUMP), Step::Wait(rng.spread(300 * MS, 5 * SECOND))];
         if rng.percent(25) {
-            // For longer than it may be held open.
+            // Longer than it may be held open.
             steps.extend((0..45).flat_map(|_| [once(self.main, OPEN_PUMP), Step::Wait(SECOND)]));
         }
         steps.extend(match rng.below(8) {
@@ -89,7 +89,7 @@ impl Director {
                 fault(Fault::CutToEcu, rng.spread(60 * MS, 900 * MS)),
                 once(self.main, PilotCommand::Disarm),
             ],
-            // Over and over, for longer than it may be held open.
+            // Repeatedly, for longer than it may be held open.
             _ => vec![stream(self.main, OPEN_PUMP), Step::Wait(self.rules.pump_bound + 5 * SECOND)],
         });
         steps.extend([Step::Wait(4 * SECOND), once(0, PilotCommand::Release)]);
@@ -107,7 +107,7 @@ impl Director {
         [steps, self.again()].concat()
     }
 
-    /// Of what was armed before nothing is left, nor of what another engine's node has retained.
+    /// Nothing is left of the arming, or of the retained state of another engine's node.
     fn start_behind_a_loss_of_power(&self, rng: &mut Rng) -> Vec<Step> {
         let reset = match rng.below(3) {
             0 => Step::AnotherEngine(50 * MS),
@@ -173,7 +173,7 @@ impl Director {
                 Step::Wait(1500 * MS),
                 stream(self.main, IDLE),
             ],
-            // Its last word was run.
+            // Its last command was run.
             _ => vec![
                 stream(self.main, IDLE),
                 Step::Wait(300 * MS),

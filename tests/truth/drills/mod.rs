@@ -1,5 +1,5 @@
-//! Drills: one thing goes wrong at a time, to an engine that is looked after sensibly before and after it. A director takes its engine
-//! from standby to a start, through one drill in flight after the other, to a shutdown, and again.
+//! Drills: one fault at a time, in an engine that is operated sensibly before and after it. A director takes its engine from
+//! standby to a start, through one drill in flight after the other, to a shutdown, and again.
 
 mod combined;
 mod flight;
@@ -18,11 +18,11 @@ use std::collections::VecDeque;
 pub enum Step {
     Act(Act),
     Wait(u64),
-    /// Waits until this is so, for this long at most.
+    /// Waits for this condition, for this time at most.
     Until(Condition, u64),
-    /// The node is reset, by this cause, and is away for this long.
+    /// The node is reset, by this cause, and is down for this time.
     Reset(Cause, u64),
-    /// The same, and it comes back as one that runs another engine.
+    /// The same, and it returns as a node for another engine.
     AnotherEngine(u64),
     /// Or with other settings.
     OtherSettings(u64),
@@ -36,7 +36,7 @@ pub enum Condition {
     /// The shaft is at rest, and it is cool enough for a start.
     Ready,
     Starts,
-    /// It runs, or is out.
+    /// It runs, or has gone out.
     Ends,
     Out,
 }
@@ -142,7 +142,7 @@ impl Director {
         (self.main > 0).then(|| rng.below(self.main as u64) as usize)
     }
 
-    /// A cut for no longer than the ECU puts up with.
+    /// A cut for no longer than the ECU tolerates.
     fn outlived(&self, length_us: u64) -> u64 {
         if self.rules.kind.continues_without_commands() {
             length_us
@@ -161,7 +161,7 @@ impl Director {
         }
     }
 
-    /// Another throttle than the one that is commanded.
+    /// A throttle other than the commanded one.
     fn another(&self, rng: &mut Rng) -> PilotCommand {
         let others = [0, 100, 300, 500, 700, 900, 1000];
         throttle(rng.pick(&others))
@@ -171,14 +171,14 @@ impl Director {
         PilotCommand::Run(self.stick)
     }
 
-    /// One source flies, and nobody else says anything, until everything has settled.
+    /// One source flies, and no other commands anything, until everything has settled.
     fn fly(&self, rng: &mut Rng) -> Vec<Step> {
         let others = (0..4).filter(|source| *source != self.main).map(silent);
         let settles = if rng.percent(40) { rng.between(8, 14) } else { rng.between(3, 6) };
         others.chain([stream(self.main, self.flies()), Step::Wait(settles * SECOND)]).collect()
     }
 
-    /// The same source continues, so that what a drill leads to shows.
+    /// The same source continues, so that the effect of a drill shows.
     fn recover(&self) -> Vec<Step> {
         let others = (0..4).filter(|source| *source != self.main).map(silent);
         others.chain([stream(self.main, self.flies()), Step::Wait(5 * SECOND)]).collect()
@@ -190,7 +190,7 @@ impl Director {
         let mut steps: Vec<Step> = others.collect();
         steps.push(stream(self.main, PilotCommand::Standby));
         steps.push(Step::Until(Condition::Out, 4 * SECOND));
-        // The highest source releases whatever stop there is, and who flies has to disarm after one.
+        // The highest source releases any stop, and the source that flies has to disarm after one.
         steps.push(Step::Wait(700 * MS));
         steps.extend([once(0, PilotCommand::Release), once(self.main, PilotCommand::Disarm)]);
         steps.push(stream(self.main, PilotCommand::Standby));

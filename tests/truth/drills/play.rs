@@ -6,7 +6,7 @@ use crate::history::{Cause, MS};
 use crate::pilots::{Rng, View};
 use sim::turbine::Phase;
 
-/// A reset by the watchdog that takes this long.
+/// A reset by the watchdog that takes this time.
 const fn of(down: u64) -> Blow {
     Blow { at: 0, down, cause: Cause::Watchdog, with_ecu: false, other_settings: false, other_engine: false }
 }
@@ -48,11 +48,11 @@ impl Director {
 
     fn reset(&mut self, now: u64, blow: Blow) {
         self.blow = Some(Blow { at: now, ..blow });
-        // Until the next look, and the node is away.
+        // Until the next sample, with the node down.
         self.until = now + 60 * MS + blow.down;
     }
 
-    /// The next drill, by what the engine does.
+    /// The next drill, by the state of the engine.
     fn drill(&mut self, rng: &mut Rng, view: &View) -> (&'static str, Vec<Step>) {
         if view.phase == Phase::Running && self.left > 0 {
             self.left -= 1;
@@ -61,7 +61,7 @@ impl Director {
             return (name, [self.fly(rng), steps, self.recover()].concat());
         }
         let (name, steps) = match view.phase {
-            // It runs, and nobody flies it any more.
+            // It runs, but no source flies it.
             phase if phase.is_live() => ("shutdown", Vec::new()),
             _ if rng.percent(35) => self.at_rest(rng),
             _ => ("", Vec::new()),

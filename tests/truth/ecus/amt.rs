@@ -14,7 +14,7 @@ use sim::amt::{AmtCommand, AmtConfig, AmtEcu, AmtTemper, InFlight, Status};
 use sim::any::{AnyConfig, AnyEcu};
 use sim::control::{Command, Frame};
 
-/// For the named cases: it does what harm the document allows.
+/// For the named cases: an ECU as harmful as the document allows.
 pub fn case() -> (EngineConfig, AnyConfig) {
     let temper =
         AmtTemper { starts_hot: true, trips_clear_after: Some(60_000_000_000), ..AmtTemper::DEFAULT };
@@ -65,10 +65,10 @@ pub fn random(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {
     (config, AnyConfig::Amt(ecu))
 }
 
-/// A fault of it clears, and in some it waits for longer without a reply than the node assumes.
+/// An ECU whose faults clear, and which in some worlds waits longer for a reply than the node assumes.
 pub fn for_drills(rng: &mut Rng, engine: &mut EngineConfig, ecu: &mut AmtConfig) {
     ecu.temper.trips_clear_after = Some(rng.spread(500, 10_000) * 1_000_000);
-    // Such a state is there more often, and for longer: an order that was given up finds it.
+    // Such a state is more frequent, and lasts longer: it occurs after an order that was given up.
     if let Some(in_flight) = &mut ecu.temper.in_flight {
         in_flight.every = 12_000_000_000;
     }
@@ -95,7 +95,7 @@ impl WorldEcu for AmtEcu {
     }
 
     fn odd_frame(&self, odd: Odd) -> Vec<u8> {
-        // Full operation at its speed with the switch at run, by the unit of the Olympus; AMT-7 for the exhaust.
+        // Full operation at its speed with the switch at run, in the unit of the Olympus; AMT-7 for the exhaust.
         let running = Status::FullOperation.bits() | 4;
         let rpm = (self.turbine().rpm() / 500.0).clamp(0.0, 254.0) as u8;
         match odd {

@@ -1,5 +1,5 @@
-//! The ECUs of the worlds, by protocol: every temper that the documents allow. A new protocol is a file, with its `mod` line
-//! and its place in `random`: what follows is made from the table of protocols.
+//! The ECUs of the worlds, by protocol: every behaviour that the documents allow. A new protocol is a file, with its `mod`
+//! line and its place in `random`; the code below is generated from the table of protocols.
 
 pub mod amt;
 mod vendor;
@@ -18,7 +18,7 @@ pub fn random(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {
     if rng.percent(45) { amt::random(rng, port) } else { zk::random(rng, port) }
 }
 
-/// Makes an engine start and cool quickly, and an AMT ECU that waits for longer than the node assumes.
+/// Makes an engine start and cool quickly, and an AMT ECU wait longer than the node assumes.
 pub fn quicken(rng: &mut Rng, engine: &mut EngineConfig, ecu: &mut AnyConfig) {
     let turbine = ecu.turbine_mut();
     (turbine.ignition_s, turbine.preheat_s, turbine.ramp_s, turbine.learn_s) = (1.5, 2.0, 5.0, 1.5);
@@ -49,14 +49,14 @@ macro_rules! ecus {
             }
         }
 
-        /// What a service command of radio control or of MAVLink is to the judge.
+        /// A service command of radio control or MAVLink in the judge's terms.
         pub fn pilot_command(service: Service) -> PilotCommand {
             match service {
                 $(Service::$name(service) => $module::pilot_command(service),)+
             }
         }
 
-        /// A control frame in the terms of the judge.
+        /// A control frame in the judge's terms.
         pub fn sent(frame: &control::Frame) -> Sent {
             match frame.command {
                 Err(_) => Sent::Bad(frame.raw),
@@ -67,7 +67,7 @@ macro_rules! ecus {
 }
 sim::protocols!(ecus);
 
-/// Whether an ECU that reports this fault calls its own exhaust temperature wrong.
+/// Whether an ECU that reports this fault marks its own exhaust temperature as wrong.
 pub fn disowns_exhaust(kind: Kind, fault: u8) -> bool {
     match kind {
         Kind::Amt => amt::disowns_exhaust(fault),

@@ -17,7 +17,7 @@ use sim::zk::{ControlledBy, Pwm, ZkCommand, ZkConfig, ZkEcu, ZkTemper};
 const SUPPLY: f64 = 11.1;
 const LOW_SUPPLY: f64 = 9.0;
 
-/// For the named cases: it does what harm the document allows.
+/// For the named cases: an ECU as harmful as the document allows.
 pub fn case(version: u8) -> (EngineConfig, AnyConfig) {
     let temper = ZkTemper {
         starts_hot: true,
@@ -103,7 +103,7 @@ impl WorldEcu for ZkEcu {
         let [low, high, ..] = ((self.turbine().rpm() / 10.0) as u32).to_le_bytes();
         let mut frame = match odd {
             Odd::AtRest => vec![0xF1, 0, 0, 0, 0, 0],
-            // The curves; they do not say what the engine does.
+            // The curves; they do not report the engine's state.
             Odd::SlowShaft => vec![0xF5, 0, 0, self.ignition_voltage(), self.curve(), self.curve()],
             // Its own state and switch at run, and 1000 °C (bits 10 to 8, and 7 to 0).
             Odd::HotExhaust => vec![0xF1, low, high, self.state(), 4 << 2 | 2 << 5, 26],

@@ -7,61 +7,64 @@ use std::collections::BTreeMap;
 /// What must hold.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub enum Rule {
-    /// Every ignition follows one source's own standby and run while armed, with the interlocks true; once.
+    /// Every ignition follows one source's own standby and run while armed, with the interlocks satisfied;
+    /// each pair counts once.
     Ignition,
-    /// An engine at rest is sent run for a bounded time, and after a restart of its ECU or a lost line on a new start only.
+    /// An engine at rest is sent run for a bounded time, and after a restart of its ECU or a lost line only on a new start.
     RunAtRest,
     /// An engine that burns again on the order of an earlier life is not sent run.
     SecondLife,
-    /// Nothing that could start an engine is sent while nobody can know whether it lives.
+    /// While it is unknown whether an engine lives, nothing is sent that could start it.
     Doubt,
     /// A start that is commanded as documented begins.
     Granted,
-    /// With all sources silent the demand on the wire is at the fail-safe by a stated instant.
+    /// With all sources silent, the demand on the wire is at the fail-safe by a defined instant.
     SilentWire,
-    /// With all sources silent the turbine is at the fail-safe, or stopped, by a stated instant.
+    /// With all sources silent, the turbine is at the fail-safe, or stopped, by a defined instant.
     SilentTurbine,
     /// A stop is on the wire at once, and in every frame until its release.
     Stop,
     /// An engine that is sent standby or stop goes out.
     Obeyed,
-    /// No fuel flows into an engine at rest that is hot.
+    /// No fuel flows into a hot engine at rest.
     HotFuel,
     /// A pump that was opened is closed in time.
     Pump,
-    /// Services that move fuel or heat go to a cold, armed engine in standby, when a pilot commands it.
+    /// Services that move fuel or heat are sent to a cold, armed engine in standby, when a pilot commands
+    /// them.
     Service,
     /// The demand rises at a limited rate.
     Rate,
     /// An engine that has reached running is not sent standby or stop without a reason.
     ShutDown,
-    /// An engine that is sent run is not put out by its ECU for want of commands.
+    /// An engine that is sent run is not shut down by its ECU for lack of commands.
     GivenUp,
     /// A demand is not held below what is commanded.
     HeldDown,
-    /// Nor above it, whatever limits it.
+    /// Nor above it, nor above what limits it.
     HeldUp,
     /// A limit that is exceeded has its action.
     Limit,
     /// A demand is reduced while another engine has failed, where that is configured.
     Reduction,
-    /// A source that takes over is held off until it is close, or has waited.
+    /// A source takes over only when its demand is close, or after its wait.
     TakeOver,
-    /// The PWM input is given the engine only when a pilot commands it, and for one life of it.
+    /// The engine is handed over to the PWM input only when a pilot commands it, and for one life of the
+    /// engine.
     Pwm,
     /// Nothing is sent that the ECU's version does not know; stops are.
     Version,
-    /// Every frame is one that the document knows.
+    /// Every frame is one that the document defines.
     Frame,
     /// A latched stop closes the fuel valve at once, and until its release.
     Valve,
-    /// No fuel comes through a valve that is shut: nothing burns behind it, and no start is ordered.
+    /// No fuel comes through a shut valve: nothing burns behind it, and no start is ordered.
     ShutValve,
-    /// The valve cuts no engine that is ordered to run.
+    /// The valve shuts off no engine that is ordered to run.
     CutOff,
-    /// Starter and ignition have power from armed until the ECU reports an engine that is cold and at rest, and not without a reason.
+    /// Starter and ignition have power from arming until the ECU reports a cold engine at rest, and not without a reason.
     Power,
-    /// Radio control commands what stick and switch say, and stop at the switch stops.
+    /// Radio control commands what stick and switch show, and stop at the switch stops.
     Sticks,
     /// What MAVLink commands was received from a system that may command it, and what was received is obeyed.
     ByMavlink,
@@ -141,7 +144,7 @@ pub struct Verdict {
     pub healthy: Share,
     /// The rule for an engine at rest that is sent run.
     pub at_rest: Share,
-    /// How often each thing happened that the rules are about.
+    /// How often each situation occurred that a rule covers.
     pub seen: BTreeMap<&'static str, u64>,
 }
 
@@ -164,7 +167,7 @@ impl Verdict {
     }
 }
 
-/// A history, and what every rule derives from it.
+/// A history, and what the rules derive from it.
 pub struct Case<'a> {
     pub h: &'a History,
     pub command_log: CommandLog,
@@ -179,7 +182,7 @@ pub struct Case<'a> {
     pub blind: Spans,
     /// No state of the engine reaches the node.
     pub hidden: Spans,
-    /// Times in which the release of a stop is out of the question.
+    /// Times in which a stop cannot be released.
     pub stopped: Spans,
     /// The frames with a demand above the fail-safe.
     pub high: Vec<u64>,
@@ -194,7 +197,7 @@ impl<'a> Case<'a> {
         let boots = Spans::from(&[(0, h.rules.boot)]).union(&Spans::from(&dumb));
         let blind = h.unpowered.longer(h.rules.boot).union(&h.mute).union(&boots);
         let (down, faults) = (h.down(), h.times(|sample| sample.fault));
-        // With error sets an AMT ECU gives no state.
+        // In error sets an AMT ECU reports no state.
         let dumb = if h.rules.kind.is_amt() { faults.clone() } else { Spans::default() };
         // A node that restarts needs two reports; in a loop of resets it may never get them.
         let learns = down.longer(two_states(h));
@@ -223,7 +226,8 @@ impl<'a> Case<'a> {
         self.h.rules.kind.is_amt()
     }
 
-    /// A silence of the ECU that a node must see: three expected frames, the slot after them, and what is under way.
+    /// A silence of the ECU that a node must detect: three expected frames, the slot after them, and what is being
+    /// sent.
     pub const fn gap(&self) -> u64 {
         4 * self.h.rules.period + self.h.rules.period / 2 + 20 * MS
     }
@@ -235,7 +239,7 @@ impl<'a> Case<'a> {
     /// The longest time until the next report of the engine's state.
     pub fn one_state(&self) -> u64 {
         let rules = &self.h.rules;
-        // AMT has a set without a state now and then. What is sent then was decided a slot before it began.
+        // AMT sends a set without a state now and then. A frame was decided a slot before it began.
         let reports = 1 + rules.stale;
         if self.is_amt() {
             (reports + 1) * rules.period + 150 * MS
@@ -247,7 +251,7 @@ impl<'a> Case<'a> {
     /// Each instant at which the node had to start over with the engine: its ECU was powered up, or the line came back after
     /// a gap.
     pub fn starts_of_life(&self) -> Vec<u64> {
-        // AMT reports it at each power-up; of ZK an outage that is shorter than a gap cannot be seen.
+        // AMT reports it at each power-up; on ZK an outage that is shorter than a gap cannot be detected.
         let powered = self.h.unpowered.iter().filter(|_| self.is_amt()).map(|(_, to)| to);
         let mut all: Vec<u64> = powered.collect();
         all.extend(self.blind.at_least(self.gap()).iter().map(|(_, to)| to));
@@ -269,7 +273,7 @@ impl<'a> Case<'a> {
     }
 }
 
-/// The longest time in which a report of the engine's state comes round twice.
+/// The longest time in which the engine's state is reported twice.
 pub fn two_states(h: &History) -> u64 {
     let rules = &h.rules;
     let reports = 2 + rules.stale;

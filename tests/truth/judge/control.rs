@@ -1,4 +1,4 @@
-//! What can be known from the commands alone of who commands an engine.
+//! Who commands an engine, as far as the commands alone show it.
 
 use crate::history::{Cause, Commanded, Demanded, History, PilotCommand, Reset, SECOND, Switch};
 
@@ -11,16 +11,16 @@ pub struct CommandLog {
     gaps: [Vec<u64>; 4],
     /// When the node began, after each reset.
     ups: Vec<u64>,
-    /// When the engine was armed, and was not any more.
+    /// When the engine was armed, and when it was disarmed.
     armed: Vec<(u64, bool)>,
-    /// The same, where a brown-out does not forget who has to command disarmed first.
+    /// The same, where a brown-out does not clear which source has to command disarmed first.
     surely_armed: Vec<(u64, bool)>,
 }
 
 impl CommandLog {
     pub fn new(h: &History) -> Self {
         let mut commands: [Vec<(u64, PilotCommand)>; 4] = Default::default();
-        // A speed that the ECU cannot hold, because another one was plugged in, is refused: to the node its source is silent.
+        // A speed that the ECU cannot hold, because another ECU was plugged in, is refused: to the node its source is silent.
         let refused = |commanded: &Commanded| {
             let slow = !h.rules.kind.is_amt() && h.version(commanded.at) < 4 && !h.rules.governor;
             slow && matches!(commanded.command, PilotCommand::Run(Demanded::Rpm(_)))
@@ -105,7 +105,7 @@ impl CommandLog {
         }
     }
 
-    /// When a source last commanded run with nobody above it, before or at an instant.
+    /// When a source last commanded run with no source above it, before or at an instant.
     pub fn last_run(&self, at: u64) -> Option<u64> {
         let below = |source: usize, when: u64| {
             (0..source).any(|higher| {
@@ -137,7 +137,7 @@ impl CommandLog {
         last_of(&self.armed, at)
     }
 
-    /// Armed, whatever the node has kept over a brown-out.
+    /// Armed, whatever the node retained over a brown-out.
     pub fn surely_armed(&self, at: u64) -> bool {
         last_of(&self.surely_armed, at)
     }
@@ -152,8 +152,8 @@ fn last_of(armed: &[(u64, bool)], at: u64) -> bool {
     armed[..armed.partition_point(|(when, _)| *when <= at)].last().is_some_and(|(_, armed)| *armed)
 }
 
-/// An emergency stop disarms. Who commanded armed before its release has to command disarmed first. A loss of the node's power
-/// disarms.
+/// An emergency stop disarms. A source that commanded armed before its release has to command disarmed first. A loss of the
+/// node's power disarms.
 fn armed(h: &History, brown_out_forgets: bool) -> Vec<(u64, bool)> {
     let mut all = vec![(0, !h.rules.arming)];
     if !h.rules.arming {
@@ -199,7 +199,7 @@ fn armed(h: &History, brown_out_forgets: bool) -> Vec<(u64, bool)> {
     all
 }
 
-/// Whether a release that was commanded then took effect: something else than a stop is on the wire.
+/// Whether a release that was commanded then took effect: something other than a stop is on the wire.
 fn is_released(h: &History, at: u64) -> bool {
     let mut frames = h.frames_within(at + 2 * h.rules.period, at + SECOND).iter();
     frames.find_map(|frame| frame.sent.switch()).is_some_and(|switch| switch != Switch::Stop)

@@ -15,8 +15,8 @@ impl Case<'_> {
         }
     }
 
-    /// A pilot moved the stick since the frame before, from a demand that was in force to this one or more. What goes out may be reduced
-    /// because another engine has failed; when that ends it rises from there.
+    /// A pilot moved the stick since the frame before, from a demand that was in force to this one or more. The demand sent may
+    /// be reduced because another engine has failed; when that ends, it rises from there.
     fn moved(&self, when: u64, at: u64, low: f64, risen: f64, to: f64) -> bool {
         let from = low + risen;
         let failed = self.h.other_failed.touches(at.saturating_sub(10 * SECOND), at + 1);
@@ -28,7 +28,7 @@ impl Case<'_> {
     }
 
     fn moved_to(&self, when: u64, at: u64, from: f64, to: f64) -> bool {
-        // Where sets could not be read there was no frame since.
+        // Where sets could not be read, there was no frame since.
         let reach = at - when + 3 * self.h.rules.period + 50 * MS;
         let since = at.saturating_sub(reach);
         self.h.commanded(since, at).iter().any(|commanded| {
@@ -41,7 +41,7 @@ impl Case<'_> {
     /// come in one slot, and one command of standby between two of run changes nothing.
     fn was_in_force(&self, commanded: Commanded, demanded: Demanded, since: u64, from: f64) -> bool {
         let Commanded { source, at, .. } = commanded;
-        // Frames of a stream that was held up come at one instant: the demand is that of the first, and then that of the last.
+        // The frames of a delayed stream arrive at one instant: the demand is that of the first, and then that of the last.
         let first = self.h.commanded(at, at).iter().find(|other| other.source == source);
         if let Some(PilotCommand::Run(before)) = first.map(|first| first.command)
             && before != demanded
@@ -58,7 +58,7 @@ impl Case<'_> {
             }
             match command {
                 PilotCommand::Run(before) if from + STEP >= self.share(before) => return true,
-                // A throttle and a speed do not compare.
+                // A throttle and a speed cannot be compared.
                 PilotCommand::Run(before)
                     if core::mem::discriminant(&before) != core::mem::discriminant(&demanded) =>
                 {
@@ -74,8 +74,8 @@ impl Case<'_> {
         false
     }
 
-    /// Nothing was received for longer than a gap since the frame before, or the transmitter hung: not until the order is given
-    /// up, and with no reset.
+    /// Since the frame before, nothing was received for longer than a gap, or the transmitter hung, but not until the order was
+    /// given up, and without a reset.
     fn doubted(&self, when: u64, at: u64) -> bool {
         let h = self.h;
         let most = if self.is_amt() { h.rules.serial_delay.saturating_sub(500 * MS) } else { u64::MAX };
@@ -111,16 +111,18 @@ impl Case<'_> {
         let h = self.h;
         let rules = &h.rules;
         let mut before: Option<(u64, Demanded, f64)> = None;
-        // How far the demand may have come by now from the lowest one that was on the wire: at `slew.up`, and at `rise`.
+        // How far the demand may have risen by now from the lowest one that was on the wire: at `slew.up`, and at
+        // `rise`.
         let (mut slewed, mut risen) = (0.0_f64, 0.0_f64);
-        // What came to the ECU last: the demand that a node without memory finds and continues with.
+        // The last demand that reached the ECU: a node without memory finds it and continues with it.
         let mut obeyed: Option<(Demanded, f64)> = None;
         // Until an ID 6 without RPM_X has come, that is the speed.
         let mut by_rpm = false;
         let mut forgets =
             h.resets.iter().filter(|reset| reset.cause != Cause::Watchdog).map(|reset| reset.up).peekable();
         let mut reported = 0;
-        // What a frame reports was reckoned up to a slot before it began: once, however long the demand rises.
+        // A frame's content was computed up to a slot before it began. This counts once, however long the
+        // demand rises.
         let rises_in = |rate: u32, time: u64| f64::from(rate) * time as f64 / SECOND as f64;
         let slack = |rate: u32| rises_in(rate, rules.period + 20 * MS) + STEP;
         for frame in &h.frames {
@@ -133,7 +135,7 @@ impl Case<'_> {
             }
             if matches!(frame.sent, Sent::Full(switch, _) | Sent::Mode(Some(switch), _) if switch != crate::history::Switch::Run)
             {
-                // The next run begins from the throttle of a start.
+                // The next run begins at the start throttle.
                 let (idle, low) = (Demanded::Throttle(rules.start_throttle), f64::from(rules.start_throttle));
                 before = Some((frame.at, idle, low));
                 (slewed, risen) = (low, low);
@@ -146,8 +148,8 @@ impl Case<'_> {
             }
             let Some(demanded) = frame.sent.demand() else { continue };
             let (at, share) = (frame.at, self.share(demanded));
-            // Behind a set that no ECU sent the reply to the ECU's own one is late, and it does not obey it. A governor begins behind a
-            // doubt with the throttle that the ECU reports then.
+            // After a set that no ECU sent, the reply to the ECU's own set is late, and the ECU does not obey it. After a doubt,
+            // a governor begins with the throttle that the ECU reports then.
             let forged = h.forged[..h.forged.partition_point(|forged| *forged <= at)].last();
             let sets = if self.holds_rpm(at) { 2 } else { 1 };
             let late = self.is_amt() && forged.is_some_and(|forged| at < forged + sets * rules.period);
@@ -170,7 +172,7 @@ impl Case<'_> {
                 (slewed, risen) = (share, share);
                 continue;
             };
-            // Behind a gap it rises from what it was, whatever was commanded meanwhile.
+            // After a gap it rises from its previous value, whatever was commanded meanwhile.
             let doubted = self.doubted(when, at);
             let time = if doubted { (at - when).min(rules.period + 130 * MS) } else { at - when };
             // A governor has a rate of its own. What it sends is a throttle: a speed on the wire is held by the ECU.
@@ -203,13 +205,13 @@ impl Case<'_> {
         }
     }
 
-    /// The source in control commands more than this: a rate holds it.
+    /// The source in control commands more than this: a rate limits the demand.
     fn is_rising_to_more(&self, at: u64, share: f64) -> bool {
         let run = self.command_log.run_in_control(at.saturating_sub(self.h.rules.period + 20 * MS));
         run.is_some_and(|(_, wanted)| self.share(wanted) > share + STEP)
     }
 
-    /// What came before a demand that rises at its rate, for the count.
+    /// What preceded a demand that rises at its rate, for the counter.
     fn why_it_rises(&self, at: u64) -> &'static str {
         let h = self.h;
         let since = at.saturating_sub(4 * SECOND);

@@ -1,4 +1,5 @@
-//! What goes out while nobody can know whether an engine lives: nothing that could start one, and all that may.
+//! What is sent while it is unknown whether an engine lives: nothing that could start one, and everything that
+//! may be sent.
 
 use super::case::{Case, Rule, seconds};
 use crate::history::{Demanded, Frame, Kind, MS, PilotCommand, SECOND, Sent, Spans, Switch};
@@ -10,14 +11,14 @@ const SPEED_SLOTS: u64 = 8;
 
 impl Case<'_> {
     /// Where the node must be in doubt: no frame of the ECU for longer than a gap, or damaged ones for too long. It ends with
-    /// the frame from which on it may be known again.
+    /// the first frame that may show it again.
     fn doubts(&self) -> Spans {
         let h = self.h;
         let gaps = self.blind.iter().filter(|(from, to)| to - from > self.gap());
         let gaps = gaps.map(|(from, to)| (from + self.gap(), to));
         let damaged = h.ruined.iter().filter(|(from, to)| to - from > DAMAGED_MAX + self.gap());
         let damaged = damaged.map(|(from, to)| (from + DAMAGED_MAX + self.gap(), to));
-        // Of ZK two reports of the state have to come, and it comes once in a round.
+        // On ZK two reports of the state have to arrive, and each round has one.
         let confirms = match h.rules.kind {
             Kind::Amt => 0,
             Kind::Zk(_) => ((h.rounds().0 - 1) * h.rules.period).saturating_sub(20 * MS),
@@ -25,7 +26,7 @@ impl Case<'_> {
         let given_up = |from_us: u64, to_us: u64| {
             let waits = h.rules.serial_delay + 3 * h.rules.period + 300 * MS;
             let noticed = to_us - from_us - self.down.within(from_us, to_us);
-            // The order is gone: two sets have to agree before the next reply.
+            // The order is gone: two sets have to be consistent before the next reply.
             if self.is_amt() && noticed > waits { h.rules.period - 20 * MS } else { 0 }
         };
         let gaps = gaps.map(|(from, to)| (from, to + given_up(from.saturating_sub(self.gap()), to)));
@@ -47,7 +48,7 @@ impl Case<'_> {
                 continue;
             }
             let from = doubts.last_before(at).map_or(at, |(from, _)| from);
-            // A frame that nobody sent, or a start that was granted since.
+            // A frame that no ECU sent, or a start that was granted since.
             let forged =
                 h.forged.iter().any(|forged| (from.saturating_sub(2 * self.gap())..at).contains(forged));
             let started = h
@@ -65,7 +66,8 @@ impl Case<'_> {
         self.slow_shaft();
     }
 
-    /// A frame of a ZK ECU whose shaft does not turn raises doubt, whatever else it reports, until two reports of the state have come.
+    /// A frame of a ZK ECU whose shaft does not turn raises doubt, whatever else it reports, until two reports of the state have
+    /// arrived.
     fn slow_shaft(&mut self) {
         let h = self.h;
         if self.is_amt() {

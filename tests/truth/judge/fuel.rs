@@ -73,14 +73,14 @@ impl Case<'_> {
         }
     }
 
-    /// A higher source has commanded for long, and does.
+    /// A higher source has been commanding for a long time.
     fn is_behind(&self, source: usize, at: u64) -> bool {
         let rules = &self.h.rules;
         let long = rules.recover_after + rules.takeover + SECOND;
         let commands = |higher| {
             let nothing = self.command_log.until(higher, at).iter().rev().take(40);
             let nothing = nothing.clone().any(|(_, command)| *command == PilotCommand::Nothing);
-            // A single order to shut down is no stream.
+            // A single order to shut down is not a stream.
             let streamed = self.command_log.until(higher, at).iter().rev();
             let streamed = streamed.clone().find(|(_, command)| *command != PilotCommand::ShutDown);
             let steady = |since| {
@@ -97,13 +97,13 @@ impl Case<'_> {
         self.blind.iter().any(|(from, to)| to - from >= self.gap() && to <= at && at < to + stable)
     }
 
-    /// Nothing is received, and that for long enough to know.
+    /// Nothing has been received for long enough to detect it.
     fn is_in_gap(&self, at: u64) -> bool {
         let period = self.h.rules.period;
         self.blind.iter().any(|(from, to)| at > from + self.gap() + 2 * period && at < to)
     }
 
-    /// When the tenth of the frames that close the pump from an end on was sent, if none of them came to the ECU.
+    /// When the tenth ClosePump frame after the end of a service was sent, if none of the ten reached the ECU.
     fn lost_closing(&self, from_us: u64, to_us: u64) -> Option<u64> {
         let closing = self.h.frames_within(from_us, to_us).iter();
         let closing: Vec<&Frame> =
@@ -163,12 +163,12 @@ impl Case<'_> {
                 let reset = h.resets.iter().map(|reset| reset.up).filter(|up| *up > last);
                 ends = again.map(|commanded| commanded.at).chain(reset).min().unwrap_or(u64::MAX);
             }
-            // A test in between has its own bound, in the ECU.
+            // A test in between has its own limit, in the ECU.
             let tests =
                 h.frames.iter().filter(|frame| matches!(frame.sent, Sent::Action(1..=5)) && frame.arrived);
             let tests = tests.map(|frame| frame.at).filter(|at| (open..to).contains(at)).max();
             ends = ends.max(tests.map_or(0, |at| at + 3500 * MS));
-            // Ten frames in every second slot, and what does not get through.
+            // Ten frames in every second slot, and the time in which none gets through.
             let late = 1500 * MS + 20 * h.rules.period;
             let clear = Spans::from(&[(ends, to)]);
             if to > ends.saturating_add(late) && clear.total() - clear.common(&hidden) > late {

@@ -1,12 +1,12 @@
-//! The other way round: an engine that runs, and is sent run, is not shut down, not given up, and not held low.
+//! The converse: an engine that runs, and is sent run, is not shut down, not given up, and not held low.
 
 use super::case::{Case, Rule, seconds};
 use crate::history::{Cause, Demanded, MS, Mark, PilotCommand, Reset, SECOND, Sample, Spans, Switch};
 use sim::turbine::Phase;
 
-/// Time for which an engine has to run, and be received, until the node has to know.
+/// Time for which an engine has to run, and be received, before the node has to know it.
 const KNOWN: u64 = 3 * SECOND;
-/// After a disturbance that is over, until everything goes its way again.
+/// Time after the end of a disturbance until everything is normal again.
 const SETTLES: u64 = 1500 * MS;
 
 impl Case<'_> {
@@ -14,14 +14,14 @@ impl Case<'_> {
     fn exemptions(&self) -> Vec<(&'static str, Spans)> {
         let h = self.h;
         let patience = h.rules.gives_up_after;
-        // Up for less than it takes to find out, again and again, is as good as down.
+        // A node that is up repeatedly for less than it takes to find out counts as down.
         let down = self.down.longer(4 * h.rules.period + 100 * MS);
         // After a reset an AMT engine is in doubt, and damaged sets are not replied to.
         let silent = if self.is_amt() { down.union(&h.noise).union(&h.mute) } else { down.clone() };
-        // A cut may begin while there is no node.
+        // A cut may begin while the node is down.
         let silent = silent.union(&h.deaf);
-        // What it costs beside itself: up to a set before it, the one in which it ends, and an AMT set without a state behind it,
-        // which is not answered after a gap.
+        // A cut also costs up to a set before it, the one in which it ends, and an AMT set without a state after it, which is not
+        // answered after a gap.
         let costs = if self.is_amt() { 3 * h.rules.period + 50 * MS } else { 300 * MS };
         // The wire to the ECU costs no more than a set at either end.
         let cut = h.mute.union(&h.deaf).at_least(patience.saturating_sub(300 * MS));
@@ -29,8 +29,8 @@ impl Case<'_> {
         let silent = silent.at_least(patience.saturating_sub(costs));
         let silent: Vec<_> = silent.iter().filter(|(from, to)| down.touches(*from, *to)).collect();
         let gap = Spans::from(&silent).longer(SETTLES);
-        // What is damaged on the way to the ECU for longer than it waits is as good as cut. On the way to the node damage costs
-        // a ZK ECU nothing, and an AMT ECU its replies where no set can be distinguished from garbage.
+        // Damage towards the ECU for longer than it waits counts as a cut. Damage towards the node costs a ZK ECU nothing, and
+        // an AMT ECU its replies where no set can be distinguished from garbage.
         let damage = if self.is_amt() { h.noise_to_ecu.union(&h.garbled) } else { h.noise_to_ecu.clone() };
         let damage = damage.at_least(patience.saturating_sub(costs)).longer(SETTLES);
         let zk = !self.is_amt();
@@ -52,7 +52,7 @@ impl Case<'_> {
             ],
         };
         if zk && h.rules.gives_up_on_empty {
-            // What is prescribed in doubt is what this ECU does not put up with.
+            // This ECU does not tolerate what is prescribed in doubt.
             let doubt =
                 self.blind.union(&h.noise).union(&h.deaf).union(&self.down).longer(2 * self.two_states());
             all.push(("ZK up to 4 that gives up on ID 0, in doubt", of(doubt, 1..5)));
@@ -71,12 +71,12 @@ impl Case<'_> {
             all.push(("a limit whose action is standby", h.low_supply.longer(SETTLES)));
         }
         if h.rules.limit_jump == Some(true) {
-            // Two frames in a row that show it.
+            // Two consecutive frames that show it.
             let jumps = h.jumps.iter().map(|jump| (*jump, jump + SECOND)).collect::<Vec<_>>();
             all.push(("a limit whose action is standby", Spans::from(&jumps).longer(SETTLES)));
         }
         if h.rules.limit_change == Some(true) {
-            // What no turbine does is seen where values are damaged, or a thermocouple breaks.
+            // Implausible changes are seen where values are damaged, or a thermocouple breaks.
             all.push(("a limit whose action is standby", h.noise.union(&h.sensor).longer(SETTLES)));
         }
         if h.rules.limit_fault == Some(true) {
@@ -116,7 +116,8 @@ impl Case<'_> {
             && self.longest_up(from, at) >= self.two_states()
     }
 
-    /// The longest time without a reset: a node that is reset before two reports agree cannot know what it is sent.
+    /// The longest time without a reset: a node that is reset before two consistent reports cannot know what it is
+    /// sent.
     pub(super) fn longest_up(&self, from_us: u64, at_us: u64) -> u64 {
         longest_outside(&self.down, from_us, at_us)
     }
@@ -180,12 +181,13 @@ impl Case<'_> {
         from.map_or(slot, |from| slot.min(from.saturating_sub(self.h.rules.period)))
     }
 
-    /// When a source that was in control for sure last commanded run: it had commanded for a while, with nobody above it.
+    /// When a source that was certainly in control last commanded run: it had commanded for a while, with no source above
+    /// it.
     fn last_run_in_control(&self, source: usize, at: u64, commanding: u64, above_for: u64) -> Option<u64> {
         let rules = &self.h.rules;
         self.command_log.in_control_for_sure(source, at, commanding).filter(|when| {
-            // While it waits to take over from a higher one that was lost, the stages of loss of that one continue. One that comes
-            // and goes is none to wait for.
+            // While it waits to take over from a higher source that was lost, that source's stages of loss continue. It does not
+            // wait for one that comes and goes.
             let lost = |above| {
                 let last = self.command_log.in_control_for_sure(above, *when, above_for)?;
                 Some(last + self.command_log.age(above) + rules.takeover)
@@ -193,14 +195,15 @@ impl Case<'_> {
             let commands = self.command_log.until(source, *when).iter().rev();
             let runs = commands.take_while(|(_, command)| matches!(command, PilotCommand::Run(_)));
             let since = runs.last().map_or(*when, |(since, _)| *since);
-            // Nor is it before it has taken over, from a lower one either; who starts an engine is.
+            // Nor is it in control before it has taken over, not even from a lower one; a source that starts
+            // an engine is.
             let starts = self.start_sent(since);
             (starts || *when >= since + rules.takeover)
                 && (0..source).filter_map(lost).all(|lost| *when >= lost)
         })
     }
 
-    /// Whether run goes out behind something else right after a command.
+    /// Whether run is sent, after something else, right after a command.
     fn start_sent(&self, command: u64) -> bool {
         let frames = &self.h.frames;
         let first = frames.partition_point(|frame| frame.at < command);
@@ -218,8 +221,7 @@ impl Case<'_> {
     /// Whether a higher source, which commands run, keeps this one's standby from taking effect.
     fn holds_against(&self, higher: usize, at: u64, slack: u64) -> bool {
         let rules = &self.h.rules;
-        // It was in control for sure at this command.
-        // What goes out now was found a slot ago.
+        // It was certainly in control at this command. What goes out now was found a slot ago.
         let long = rules.recover_after + rules.takeover + slack;
         let Some(sure) = self.last_run_in_control(higher, at, long, rules.recover_after) else {
             return false;
@@ -322,17 +324,18 @@ impl Case<'_> {
         if resets.len() >= 3 && rules.standby_after.is_some() {
             return true;
         }
-        // A loop that is too short to listen ends in standby after 10 s without a source.
+        // A loop of resets that is too short to listen ends in standby after 10 s without a source.
         if resets.last().is_some_and(|up| at < up + 3 * SECOND)
             && at + slack + resets.len() as u64 * 200 * MS >= received + 10 * SECOND
         {
             return true;
         }
-        // With faults and a thermocouple that is broken nothing says whether an AMT engine runs.
+        // With faults and a broken thermocouple, nothing shows whether an AMT engine runs.
         let unreadable = self.is_amt()
             && h.sensor.touches(at.saturating_sub(SECOND), at)
             && self.faults.touches(at.saturating_sub(SECOND), at);
-        // After a reset or a gap an AMT engine is in doubt until a set says that it runs, which no error set does.
+        // After a reset or a gap, an AMT engine is in doubt until a set reports that it runs, which no error set
+        // does.
         let ups = h.resets.iter().map(|reset| reset.up);
         let gaps = self.blind.iter().filter(|(from, to)| to - from > rules.period).map(|(_, to)| to);
         let last_up = ups.chain(gaps).filter(|up| *up <= at).max();
@@ -355,18 +358,19 @@ impl Case<'_> {
             let since = at.saturating_sub(h.rules.gives_up_after + 500 * MS);
             let run = |at| self.command_log.run_in_control(at).is_some();
             let exempt = self.exempt_at(since, at);
-            // With nothing retained, and error sets only, nobody knows that it ran.
-            // After them two sets have to agree before there is a reply.
+            // With nothing retained, and error sets only, nobody knows that it ran. After them two sets have
+            // to be consistent before there is a reply.
             let sets = at.saturating_sub(3 * h.rules.period);
             // From the first set on: that of the beginning may have been sent before.
             let first = 2 * h.rules.period;
             let faults = |up| h.samples(up + first, sets).iter().all(|sample| sample.fault);
             let power = h.resets.iter().rev().find(|reset| reset.up <= at && reset.cause == Cause::PowerOn);
-            // After a brown-out that it ran is known, and only an exhaust that can be read lets it continue.
+            // After a brown-out it is known that the engine ran, but it continues only if the exhaust
+            // temperature can be read.
             let brown_out =
                 h.resets.iter().rev().find(|reset| reset.up <= at && reset.cause == Cause::BrownOut);
             let unreadable = |up| faults(up) && h.sensor.within(up, sets) == sets.saturating_sub(up);
-            // In doubt since a reset, after which only error sets came, damaged ones are not replied to.
+            // In doubt since a reset, after which only error sets arrived, damaged sets get no reply.
             let reset = h.resets.iter().rev().find(|reset| reset.up <= at);
             let damaged = h.noise.last_before(at).filter(|(from, to)| {
                 at <= *to + h.rules.period
@@ -378,7 +382,7 @@ impl Case<'_> {
             // After a gap error sets do not say whether it is the same engine, and get no reply.
             let gap = self.blind.last_before(at).filter(|(from, to)| to - from > 2 * h.rules.period);
             let behind_gap = gap.is_some_and(|(_, to)| to < sets && faults(to));
-            // Behind a fault only a set that reports running does.
+            // After a fault only a set that reports running does.
             let fault = self.faults.last_before(at).filter(|(_, to)| *to < sets);
             let behind_fault = fault.is_some_and(|(_, to)| {
                 h.samples(to + 1, sets).iter().all(|sample| sample.hidden)
@@ -392,7 +396,7 @@ impl Case<'_> {
                 (brown_out.is_some_and(|reset| unreadable(reset.up)), "AMT, error sets without an exhaust"),
             ];
             let unknown = unknown.into_iter().find(|(unknown, _)| self.is_amt() && *unknown);
-            // An engine that was handed over is stopped by the loss of its PWM input, which is not the node's.
+            // An engine that was handed over stops when its PWM input is lost, which is not the node's doing.
             let handed_over = h.pwm.contains(at.saturating_sub(h.rules.period));
             if mark == Mark::GivenUp
                 && !handed_over
@@ -406,7 +410,7 @@ impl Case<'_> {
                     self.verdict.exempt(name, at - since);
                     continue;
                 }
-                // Nothing but a gap within the ECU's patience is allowed to a node.
+                // The only exemption is a gap that the ECU tolerates.
                 let hidden = self.down.within(since, at) + h.noise.within(since, at);
                 let text = format!(
                     "the ECU put out a running engine for want of commands ({} ms of the last {} ms disturbed)",
@@ -418,7 +422,7 @@ impl Case<'_> {
         }
     }
 
-    /// Since when the engine has run on one order: an ECU that lights it again by itself begins no other one.
+    /// Since when the engine has run on one order: a relight by the ECU does not begin another one.
     fn ran_since(&self, at: u64) -> u64 {
         let mut since = self.runs.last_before(at).map_or(0, |(from, _)| from);
         let relit = |from, to| {
@@ -436,14 +440,15 @@ impl Case<'_> {
     pub(super) fn reduced(&self, at: u64) -> bool {
         let h = self.h;
         let since = self.ran_since(at);
-        // The fail-safe of a limit holds until standby: what was passed before the demand was last above it has had no such action.
+        // The fail-safe of a limit holds until standby: a limit that was exceeded before the demand was last above the fail-safe
+        // has had no such action.
         let rules = &h.rules;
         let fall = 1000 * SECOND / u64::from(rules.ramp.min(rules.slew_down.unwrap_or(rules.ramp)).max(1));
         let start = since.saturating_sub(60 * SECOND);
         let high = self.high[..self.high.partition_point(|high| *high <= at)].last();
         let start = high.map_or(start, |high| start.max(high.saturating_sub(fall + 3 * SECOND)));
         let ran = h.samples(start, at);
-        // Noise may forge two values that agree.
+        // Noise may forge two consistent values.
         let noise = h.noise.touches(start, at);
         let over =
             |egt| noise || ran.iter().any(|sample| sample.egt > egt - 10.0) || h.sensor.touches(start, at);
@@ -455,8 +460,8 @@ impl Case<'_> {
         let other =
             h.rules.when_other_fails.is_some() && h.other_failed.touches(at.saturating_sub(8 * SECOND), at);
         let ctf = h.commanded(since, at).iter().any(|commanded| commanded.command == PilotCommand::Ctf);
-        // A turbine passes it that goes out, or whose values are damaged. It may be lit again in the same life. Learning idle may
-        // be reported as running.
+        // A turbine that goes out, or whose values are damaged, exceeds it. It may be relit in the same life. Idle calibration
+        // may be reported as running.
         let out =
             |sample: &Sample| matches!(sample.phase, Phase::Running | Phase::LearningIdle) && !sample.lit;
         let slow = |rpm| noise || ran.iter().any(|sample| sample.lit && sample.rpm < rpm + 1500.0);
@@ -481,7 +486,7 @@ impl Case<'_> {
             <= before + self.command_log.age(source) + h.rules.return_within.saturating_sub(100 * MS);
         let since = before.saturating_sub(most);
         let steady = self.command_log.commands_since(source, before).is_some_and(|from| from <= since);
-        // Standby below the stages of loss is not in control.
+        // A standby from a lower source during the stages of loss is not in control.
         let alone = h.commanded(since, at).iter().all(|commanded| {
             commanded.source == source
                 && (!commanded.command.is_received() || matches!(commanded.command, PilotCommand::Run(_)))
@@ -503,12 +508,13 @@ impl Case<'_> {
         let most = rules.takeover + rules.recover_after + quick + 1300 * MS;
         // A node that was reset, or did not receive the ECU, has to find out what its engine does.
         let hidden = self.blind.union(&h.noise).longer(self.two_states() + SECOND);
-        // With error sets only an AMT engine whose exhaust falls may be any: its demand is not raised.
+        // With error sets only, an AMT engine whose exhaust temperature falls may be in any state: its demand
+        // is not raised.
         let dumb =
             if self.is_amt() { self.faults.longer(self.two_states() + SECOND) } else { Spans::default() };
         let hidden = hidden.union(&dumb);
         let hidden = hidden.union(&self.down.longer(rules.listen + self.two_states() + SECOND));
-        // Behind a transmitter that hung the demand rises from what it was.
+        // After the transmitter has hung, the demand rises from its previous value.
         let hidden = hidden.union(&self.stalled().longer(quick));
         let mut since: Option<(u64, usize, Demanded)> = None;
         // Since when the same source has been in control, with nothing in the way.
@@ -524,7 +530,7 @@ impl Case<'_> {
             let new = h.commanded(last, at);
             let elapsed = at - core::mem::replace(&mut last, at);
             let run = self.command_log.run_in_control(at).filter(|(source, _)| {
-                // Nobody above it was received lately, who may still be the one in control.
+                // No source above it was received lately, which might still be in control.
                 (0..*source).all(|higher| {
                     self.command_log.last(higher, at).is_none_or(|(when, command)| {
                         at > when + self.command_log.age(higher) + rules.hold
@@ -560,7 +566,7 @@ impl Case<'_> {
             while frame < h.frames.len() && h.frames[frame].at <= at {
                 frame += 1;
             }
-            // A source that has been in control for long, without a loss, has nothing to wait for when it moves its stick.
+            // A source that has long been in control, without a loss, does not have to wait when it moves its stick.
             let settled = |from: u64, source: usize| {
                 control.is_some_and(|(control, _)| from > control.max(commanding(source)) + most)
             };
@@ -616,7 +622,7 @@ impl Case<'_> {
                 Some((when, sent)) if fresh(when) => {
                     !same(sent) || self.share(sent) + 8.0 < self.share(demanded)
                 }
-                // What a transmitter that hangs keeps back is no lower demand.
+                // What a hanging transmitter holds back does not count as a lower demand.
                 _ => !h.deaf.touches(at.saturating_sub(SECOND), at + 1),
             };
             // A reduction begins before its reason shows.

@@ -1,4 +1,5 @@
-//! What lowers a demand has to lower it: limits, another engine that has failed, a source that has yet to take over.
+//! Whatever lowers a demand has to do so: limits, another engine that has failed, a source that has yet to take
+//! over.
 
 use super::case::{Case, Rule, is_above_fail_safe, seconds, two_states};
 use super::control::{CommandLog, silences};
@@ -7,25 +8,27 @@ use crate::history::{
 };
 use sim::turbine::Phase;
 
-/// Beyond a limit by so much a value is reported as beyond it: °C, rpm.
+/// Excess over a limit from which a value is reported as beyond it: °C, rpm.
 const BEYOND: f64 = 12.0;
 const BEYOND_RPM: f64 = 2500.0;
-/// Less than this part of the speed of 1.4 s ago is a loss of 25 % within 2 s, whatever values a node has of it.
+/// A speed below this fraction of the one 1.4 s ago is a loss of 25 % within 2 s, whichever values the node
+/// receives.
 const LOST: f64 = 0.7;
 const LOST_WITHIN: u64 = 1400 * MS;
-/// By this time a failure has shown.
+/// Time by which a failure has shown.
 const FAILED: u64 = 8 * SECOND;
-/// For this long a lower demand explains a shaft that runs down.
+/// Time for which a lower demand explains a shaft that runs down.
 const SPOOLS_DOWN: u64 = 8 * SECOND;
-/// Rise in this time, in °C, which is one of more than 200 °C/s.
+/// Rise in this time, in °C, that is faster than 200 °C/s.
 const RISE: f64 = 165.0;
 const RISES_WITHIN: u64 = 750 * MS;
-/// A shaft that turns faster, and is reported at rest next, changes by more than the limit: 150 000 rpm/s.
+/// A shaft that turns faster than this, and is then reported at rest, changes by more than the limit of 150
+/// 000 rpm/s.
 const JUMPS: f64 = 60_000.0;
 /// Resolution of the wire, 0.1 %.
 const STEP: f64 = 8.0;
 
-/// A source that comes for the first time in long, and the one that is in control: their throttles, 0.1 %.
+/// A source that commands for the first time in a long while, and the one in control: their throttles, 0.1 %.
 pub(super) struct Arrival {
     pub wanted: u32,
     /// The source in control.
@@ -86,11 +89,11 @@ impl Case<'_> {
         self.acts(standby, what, &exceeded);
     }
 
-    /// Time in which two values come of which both are from it.
+    /// Time in which two values arrive that are both from it.
     fn two_values(&self) -> u64 {
         let rules = &self.h.rules;
         match rules.kind {
-            // A set without values comes now and then.
+            // A set without values arrives now and then.
             Kind::Amt => 4 * rules.period + 50 * MS,
             Kind::Zk(_) => 2 * self.h.rounds().1 * rules.period + 200 * MS,
         }
@@ -129,7 +132,7 @@ impl Case<'_> {
         }
     }
 
-    /// What an exceeded limit has lowered by an instant stays low until standby is commanded, over resets too. Until when that is.
+    /// The end of the time for which a demand that a limit has lowered stays low: until standby is commanded, also across resets.
     fn stays_at_fail_safe(&mut self, passed: u64, at: u64, out: u64, text: &str) -> u64 {
         let h = self.h;
         let rules = h.rules;
@@ -138,7 +141,7 @@ impl Case<'_> {
         let ended =
             h.commanded(passed.saturating_sub(2 * SECOND), out).iter().find(|other| ends(other.command));
         let lost = h.resets.iter().find(|reset| reset.up > at && reset.cause != Cause::Watchdog);
-        // Nor does it last longer than the order, which is given up when no set was answered in that time.
+        // It does not outlast the order, which is given up when no set was answered in that time.
         let long = rules.serial_delay.saturating_sub(500 * MS);
         let unanswered = self.blind.union(&h.garbled);
         let gone = unanswered.iter().find(|(from, to)| *to > at && to - from > long);
@@ -157,7 +160,8 @@ impl Case<'_> {
         until
     }
 
-    /// Two frames in a row that report a shaft at rest, of an engine that runs: no turbine stops in that time.
+    /// Two consecutive frames that report the shaft of a running engine at rest: no turbine stops in that
+    /// time.
     fn jumps(&mut self, standby: bool) {
         let h = self.h;
         let rules = &h.rules;
@@ -205,14 +209,14 @@ impl Case<'_> {
         };
         let lost = h.times(|sample| reported(sample) && !sample.lit && lost(sample));
         let unexplained = lost.iter().filter(|(from, to)| {
-            // Other settings after a reset have another limit.
+            // The settings may have another limit after a reset.
             let reset = h.resets.iter().any(|reset| reset.down < *to);
             !reset && self.last_lowered(from.saturating_sub(SPOOLS_DOWN), *to).is_none()
         });
         Spans::from(&unexplained.collect::<Vec<_>>())
     }
 
-    /// When the exhaust rises in a start faster than a limit allows.
+    /// When the exhaust temperature rises faster in a start than a limit allows.
     fn hot_starts(&self) -> Spans {
         let h = self.h;
         let starts = |sample: &Sample| matches!(sample.phase, Phase::Preheat | Phase::FuelRamp);
@@ -244,7 +248,7 @@ impl Case<'_> {
             {
                 continue;
             }
-            // No source commanded more within the time that the stages of loss last, or the wait of another one that takes over.
+            // No source commanded more for the duration of the stages of loss, or of the wait of another source to take over.
             let age = rules.ages.into_iter().max().unwrap_or_default();
             let held = (8 * SECOND).max(age + rules.hold + rules.recover_after + rules.takeover + SECOND);
             let lately = h.commanded(at.saturating_sub(held), at).iter().filter_map(|commanded| {
@@ -257,7 +261,7 @@ impl Case<'_> {
                     _ => None,
                 }
             });
-            // One that was changed falls, or rises, at its rate.
+            // A changed demand falls, or rises, at its rate.
             let part = h.largest_share(at.saturating_sub(fall + 3 * SECOND), at).unwrap_or(1000);
             let most = lately.fold(0.0, f64::max) * f64::from(part) / 1000.0;
             let idle = match demanded {
@@ -283,8 +287,8 @@ impl Case<'_> {
         }
     }
 
-    /// A source commands a throttle, its first command for long, while another one commands a throttle and is in control of an engine
-    /// that runs.
+    /// A source commands a throttle, its first command in a long while, while another one commands a throttle and is in control
+    /// of a running engine.
     pub(super) fn arrival(&self, commanded: &Commanded) -> Option<Arrival> {
         let Commanded { at, source, command: PilotCommand::Run(Demanded::Throttle(wanted)) } = *commanded
         else {
@@ -301,7 +305,7 @@ impl Case<'_> {
         }
     }
 
-    /// A source that takes over is held off until its demand is close to the one in force, or it has waited.
+    /// A source takes over only when its demand is close to the one in force, or after its wait.
     pub(super) fn take_over(&mut self) {
         let h = self.h;
         let rules = &h.rules;
@@ -317,7 +321,7 @@ impl Case<'_> {
             let since = self.command_log.commands_since(lower, at - 1);
             let settled = 1000 * SECOND / u64::from(rules.rise.min(rules.slew_up.unwrap_or(rules.rise)));
             let settled = rules.recover_after + rules.takeover + settled + 4 * SECOND;
-            // Both say the same until the wait is over.
+            // Both command the same until the wait is over.
             let same = |source: usize, tenths: u32, from: u64| {
                 let commands = self.command_log.until(source, until);
                 let commands = &commands[commands.partition_point(|(when, _)| *when < from)..];
@@ -326,7 +330,7 @@ impl Case<'_> {
                         .iter()
                         .all(|(_, command)| *command == PilotCommand::Run(Demanded::Throttle(tenths)))
             };
-            // The one that is taken over from is not lost meanwhile: its demand would fall.
+            // The previous source is not lost meanwhile: its demand would fall.
             let steady = since.is_some_and(|since| since + settled < at)
                 && self.command_log.commands_since(lower, until) == since
                 && same(lower, held, at.saturating_sub(settled))
@@ -362,7 +366,7 @@ impl Case<'_> {
     }
 }
 
-/// When a start of another engine makes those of the others wait: until it is known to run, or its order ends, and for the time between
+/// When the start of one engine delays those of the others: until it is known to run, or its order ends, plus the time between
 /// two starts.
 pub fn busy(other: &History) -> Spans {
     let switches: Vec<(u64, Switch)> =
@@ -394,8 +398,8 @@ pub fn may_have_failed(history: &History) -> Spans {
     let mut ran = false;
     let mut spans = Spans::default();
     for pair in history.samples.windows(2) {
-        // ZK counts the learning of the idle speed among the states of a running engine, and a node that restarts counts as one that
-        // ran what it finds started up.
+        // On ZK idle calibration is a state of a running engine, and to a node that restarts, an engine that it finds started up
+        // has run.
         let started_up = pair[0].phase == Phase::FuelRamp && pair[0].rpm > history.rules.idle_rpm / 4.0;
         ran |= started_up || matches!(pair[0].phase, Phase::Running | Phase::LearningIdle);
         if ran && !pair[0].runs() || pair[0].fault {
@@ -424,7 +428,8 @@ pub fn failed_for_sure(other: &crate::history::History) -> Spans {
     let unknown = other.mute.union(&other.noise).union(&dark).union(&other.times(|sample| sample.hidden));
     let known = |from: u64, out: u64| out > from + two_states(other) + SECOND + unknown.within(from, out);
     let hidden = other.mute.union(&other.noise).union(&other.unpowered);
-    // When it went out, and when that has shown; or when it was not received, or an AMT ECU reported a fault, and until when.
+    // When it went out, and when that was visible; or when it was not received, or an AMT ECU reported a fault, and until
+    // when.
     let mut events: Vec<(u64, u64, u64)> = Vec::new();
     for (from, out) in runs.iter().filter(|(from, out)| known(*from, *out)) {
         if !hidden.touches(out.saturating_sub(SECOND), out + FAILED) {
@@ -442,8 +447,8 @@ pub fn failed_for_sure(other: &crate::history::History) -> Spans {
         events.extend(lost.chain(faulty).map(|(at, until)| (at, at + FAILED, until.min(out))));
     }
     for (out, from, until) in events {
-        // Standby below somebody who commands otherwise changes nothing. A speed may be refused, and who was lost has to command for a
-        // while first: then nobody commands otherwise.
+        // Standby from a source below one that commands otherwise changes nothing. A speed may be refused, and a source that was
+        // lost has to command for a while first: then no source commands otherwise.
         let commands_for_long = |source, at: u64| {
             let since = command_log.commands_since(source, at);
             since.is_some_and(|since| at > since + other.rules.recover_after + SECOND)
@@ -465,7 +470,7 @@ pub fn failed_for_sure(other: &crate::history::History) -> Spans {
         };
         let commanded = other.commanded(out.saturating_sub(10 * SECOND), other.end);
         let ends = commanded.iter().find(stops).map_or(other.end, |commanded| commanded.at);
-        // What has shown is retained over resets, where the memory is whole.
+        // A failure that has shown is retained over resets, if the memory is intact.
         let reset = other.resets.iter().find(|reset| {
             reset.up > out.saturating_sub(5 * SECOND) && (reset.cause != Cause::Watchdog || reset.down < from)
         });

@@ -1,4 +1,4 @@
-//! MAVLink: what is commanded was received, at the same instant, from a system that may command it, and what was received is obeyed.
+//! MAVLink: each command was received at the same instant, from a system that may give it, and what was received is obeyed.
 
 use super::case::{Case, Rule, seconds};
 use crate::history::{
@@ -6,31 +6,31 @@ use crate::history::{
 };
 
 const MAVLINK: usize = 2;
-/// Behind a damaged frame others may be found later, for this long.
+/// Time after a damaged frame for which other frames may be found late.
 const FOUND_LATE: u64 = 1500 * MS;
-/// From one look of the service at its engines to the next.
+/// Interval at which the service checks its engines.
 const TICK: u64 = 60 * MS;
-/// The same start of the same sender is a repeat for this long.
+/// Time for which the same start of the same sender is a repeat.
 const REPEAT: u64 = 5 * SECOND;
-/// A heartbeat keeps an order alive for this long.
+/// Time for which a heartbeat keeps an order alive.
 const HEARTBEAT: u64 = 5 * SECOND;
-/// Everything that there is to know of the vehicle and the engine is known by then.
+/// Time by which the state of vehicle and engine is known.
 const KNOWN: u64 = 15 * SECOND;
-/// A demand that was held has risen to the stream's, if that comes without gaps.
+/// Time by which a held demand has risen to that of the stream, if the stream has no gaps.
 const RISEN: u64 = 15 * SECOND;
 
-/// What an engine is sent by MAVLink, and what can be known from that alone.
+/// What is sent to an engine by MAVLink, and what follows from that alone.
 struct Words<'a> {
     mavlink: &'a ByMavlink,
-    /// When frames may be found later than they came.
+    /// When frames may be found later than they arrived.
     late: Spans,
-    /// When the vehicle has shown something else, since the node began: armed, disarmed, or nothing.
+    /// When the vehicle has changed what it shows, since the node began: armed, disarmed, or nothing.
     shown: Vec<(u64, Option<bool>)>,
-    /// Starts that are no repeat, of all senders.
+    /// Starts that are not repeats, of all senders.
     starts: Vec<(u64, bool)>,
-    /// Repeats that may be judged anew: what they repeat is 5 s old, or may not have been found behind a damaged frame.
+    /// Repeats that may be judged anew: what they repeat is 5 s old, or may not have been found after a damaged frame.
     renewed: Vec<(u64, bool)>,
-    /// The node has the id of the vehicle from here on, over resets too: it has answered.
+    /// From here on the node has the id of the vehicle, also across resets: it has answered.
     known: u64,
 }
 
@@ -91,7 +91,7 @@ impl<'a> Words<'a> {
         Self { mavlink, late, shown, starts, renewed, known }
     }
 
-    /// How much earlier than at this instant a frame may have come that is found now.
+    /// How much earlier a frame that is found at this instant may have arrived.
     fn tolerance(&self, at: u64) -> u64 {
         if self.late.contains(at) { FOUND_LATE } else { 0 }
     }
@@ -145,7 +145,7 @@ impl Case<'_> {
         self.verdict.count("starts of MAVLink", words.starts.len() as u64);
     }
 
-    /// When the node began that is there now.
+    /// When the current run of the node began.
     fn up(&self, at: u64) -> u64 {
         self.h.resets.iter().map(|reset| reset.up).take_while(|up| *up <= at).last().unwrap_or(0)
     }
@@ -225,7 +225,7 @@ impl Case<'_> {
         wrong
     }
 
-    /// Why a command of a running engine is none that a stream gives.
+    /// Why a command to a running engine cannot come from the stream.
     fn unexplained_run(
         &self,
         words: &Words<'_>,
@@ -256,14 +256,14 @@ impl Case<'_> {
         if tenths > most {
             return Some(format!("the stream has {}", Demanded::Throttle(most)));
         }
-        // A frame may precede the heartbeat in what is read at one instant.
+        // A frame may precede the heartbeat among the bytes that are read at one instant.
         let disarmed =
             words.shows(earliest.saturating_sub(1)) == Some(false) && words.shows(at) == Some(false);
         (tenths > 0 && disarmed && !words.may_show(earliest, at, true))
             .then(|| "the vehicle is disarmed".into())
     }
 
-    /// Why a start that was received is not to be passed on.
+    /// Why a start that was received must not be passed on.
     fn unexplained_start(
         &self,
         words: &Words<'_>,
@@ -298,7 +298,7 @@ impl Case<'_> {
         self.h.commanded(at, by).iter().any(|it| it.source == MAVLINK && is(it.command))
     }
 
-    /// Orders of a person, and of a vehicle that is disarmed, act at once.
+    /// Orders from a person, and from a disarmed vehicle, take effect at once.
     fn not_obeyed(&self, words: &Words<'_>) -> Vec<(u64, String)> {
         let h = self.h;
         let mut wrong = Vec::new();
@@ -330,7 +330,7 @@ impl Case<'_> {
         wrong
     }
 
-    /// The demand of an engine that runs by MAVLink alone is that of every frame of the stream.
+    /// The demand of an engine that only MAVLink commands is that of every frame of the stream.
     fn not_followed(&mut self, words: &Words<'_>) -> Vec<(u64, String)> {
         let h = self.h;
         let mut wrong = Vec::new();
@@ -381,7 +381,7 @@ impl Case<'_> {
         wrong
     }
 
-    /// A start that is received as documented is begun, and its answer is the truth.
+    /// A start that is received as documented begins, and its answer is true.
     fn not_started(&mut self, words: &Words<'_>) -> Vec<(u64, String)> {
         let h = self.h;
         let rules = &h.rules;

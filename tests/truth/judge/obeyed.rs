@@ -1,17 +1,17 @@
-//! What pilots command of the switch comes to pass: an engine that is shut down goes out, and a start that is commanded as
+//! Switch commands of pilots take effect: an engine that is shut down goes out, and a start that is commanded as
 //! documented begins.
 
 use super::case::{Case, Rule, seconds};
 use crate::history::{Cause, Frame, MS, PilotCommand, SECOND, Spans, Switch};
 use sim::turbine::Phase;
 
-/// From a command to a turbine without fire, with every wire whole.
+/// Time from a command until the turbine is out, with every wire intact.
 const OBEYS: u64 = 1500 * MS;
-/// A start that is commanded is on the wire by then.
+/// Time by which a commanded start is on the wire.
 const GRANTED: u64 = SECOND;
-/// One that waits for another engine for longer is not judged.
+/// A start that waits for another engine for longer is not judged.
 const LONGEST_WAIT: u64 = 100 * SECOND;
-/// Everything that keeps an engine from a start is out of the way for this long before it.
+/// Time before a start for which nothing may prevent it.
 const READY: u64 = 4 * SECOND;
 const STOP: &str = "an emergency stop";
 
@@ -27,7 +27,7 @@ impl Case<'_> {
         cut.longer(h.rules.listen + SECOND)
     }
 
-    /// The same for an emergency stop, which goes out by every way there is.
+    /// The same for an emergency stop, which is sent in every possible way.
     fn unreachable_for_stops(&self) -> Spans {
         let h = self.h;
         if self.is_amt() {
@@ -78,7 +78,8 @@ impl Case<'_> {
         );
     }
 
-    /// What was shut down is not sent run again before a source commands it, over resets too, as long as something is retained.
+    /// An engine that was shut down is not sent run again before a source commands it, also across resets, as long as the state
+    /// is retained.
     pub(super) fn stays_out(&mut self) {
         let h = self.h;
         let mut shut: Vec<u64> = self.standbys();
@@ -104,8 +105,8 @@ impl Case<'_> {
         }
     }
 
-    /// Instants by which an engine has to be out, because whichever source commands has commanded nothing but standby for long enough,
-    /// whichever source was in control before.
+    /// Instants by which an engine has to be out, because the commanding source has commanded nothing but standby for long
+    /// enough, whichever source was in control before.
     fn standbys(&self) -> Vec<u64> {
         let h = self.h;
         let rules = &h.rules;
@@ -118,7 +119,7 @@ impl Case<'_> {
         let mut streams = [false; 4];
         for commanded in &h.commanded {
             let (at, source) = (commanded.at, commanded.source);
-            // One that wants nothing any more does not command standby.
+            // A source that commands nothing does not command standby.
             let wants_nothing = commanded.command == PilotCommand::Nothing && streams[source];
             if commanded.command != PilotCommand::Standby {
                 if commanded.command.is_received() || wants_nothing {
@@ -129,7 +130,7 @@ impl Case<'_> {
             streams[source] = true;
             let from = *since.get_or_insert(at);
             let Some(commands_for_long) = self.command_log.commands_since(source, at) else { continue };
-            // A source that has been alone for long is in control.
+            // A source that has been alone for a long time is in control.
             let alone = h.commanded(from.saturating_sub(long), at).iter().all(|other| other.source == source)
                 && !self.down.touches(from.saturating_sub(60 * SECOND), at);
             let waits = if alone {
@@ -167,7 +168,7 @@ impl Case<'_> {
             let first = before[commanded.source].replace(commanded.command) == Some(PilotCommand::Standby);
             let PilotCommand::Run(demanded) = commanded.command else { continue };
             let at = commanded.at;
-            // It waits for another engine that starts, and goes when it may.
+            // It waits for another engine that starts, and begins as soon as it may.
             let mut due = at + GRANTED;
             while let Some((_, free)) = h.other_busy.last_before(due).filter(|(_, free)| free + GRANTED > due)
             {
@@ -187,7 +188,8 @@ impl Case<'_> {
                 .commands_since(commanded.source, at)
                 .is_some_and(|from| at >= from + rules.recover_after + rules.takeover + SECOND);
             let lately = h.commanded(since, due);
-            // It commands standby, then run at idle, and nobody else anything but standby, below it and all the time.
+            // It commands standby, then run at idle. No other source commands anything but standby, and only below it
+            // and all the time.
             let mut received = lately.iter().filter(|command| command.command.is_received());
             let clear = received.all(|command| match command.command {
                 PilotCommand::Standby if command.source == commanded.source => command.at < at,
@@ -203,7 +205,7 @@ impl Case<'_> {
                 .iter()
                 .any(|command| matches!(command.command, PilotCommand::Disarm | PilotCommand::Release));
             let armed = self.command_log.surely_armed(since) && self.command_log.surely_armed(due);
-            // One that waits ends with its source.
+            // A start that waits ends with its source.
             let fresh = !waits
                 || self.command_log.commands_since(commanded.source, due).is_some_and(|from| from < at);
             let samples = h.samples(since, at);

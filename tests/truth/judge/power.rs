@@ -1,21 +1,22 @@
-//! The power of starter and ignition: on from armed until the ECU has reported an engine that is cold and at rest, also after an emergency
+//! The power of starter and ignition: on from arming until the ECU has reported a cold engine at rest, also after an emergency
 //! stop, and not without a reason.
 
 use super::case::{Case, Rule, seconds};
 use crate::history::{Cause, Frame, MS, PilotCommand, SECOND, Sent, Spans, Switch};
 use sim::turbine::Phase;
 
-/// From a reason until the output follows: the node looks at its engine at each event of the world, 50 ms apart or less.
+/// Time from a reason until the output follows: the node checks its engine at each event of the world, 50 ms apart or
+/// less.
 const LATE: u64 = 60 * MS;
 /// Time of reports of a cold engine until the power is turned off.
 const COLD_FOR: u64 = 3 * SECOND;
-/// At which an engine is cold, °C, with the resolution of an AMT report.
+/// Temperature below which an engine is cold, °C, with the resolution of an AMT report.
 const COLD: f64 = 100.0;
 const RESOLUTION: f64 = 8.0;
-/// From which a shaft turns, rpm, with that of a report.
+/// Speed from which a shaft counts as turning, rpm, with the resolution of a report.
 const TURNS: f64 = 1000.0;
 const TURNS_FOR_SURE: f64 = 1600.0;
-/// A stop, a limit, a silence: what ends a run takes at most so long until the ECU reports it at rest. So does a service.
+/// Longest time from the end of a run (by a stop, a limit or a silence), or of a service, until the ECU reports rest.
 const LATELY: u64 = 60 * SECOND;
 
 impl Case<'_> {
@@ -30,7 +31,7 @@ impl Case<'_> {
         self.power_has_a_reason();
     }
 
-    /// Nothing of an arming, or of two commands of run in a row, finds it off.
+    /// It is off neither at an arming nor during two consecutive run frames.
     fn power_is_on_while_armed_or_run(&mut self) {
         let h = self.h;
         let off = h.power_is(Some(false));
@@ -63,7 +64,7 @@ impl Case<'_> {
         }
     }
 
-    /// Armed for sure. Where a start needs no arming, who has armed is not followed.
+    /// Certainly armed. Where a start needs no arming, arming is not tracked.
     fn surely_armed(&self, at: u64) -> bool {
         self.h.rules.arming && self.command_log.surely_armed(at)
     }
@@ -84,7 +85,7 @@ impl Case<'_> {
         }
     }
 
-    /// Nothing that a node did not receive for sure counts against it.
+    /// Only what the node certainly received counts against it.
     fn is_disturbed(&self, from: u64, to: u64) -> bool {
         let h = self.h;
         let spans = [&h.noise, &h.garbled, &h.ruined, &h.framing, &h.sensor, &h.pwm, &self.down];
@@ -94,7 +95,7 @@ impl Case<'_> {
             || h.samples(from, to).iter().any(|sample| sample.hidden)
     }
 
-    /// It is turned off by the reports of a cold engine at rest, and of one that nobody has armed.
+    /// It is turned off by the reports of a cold, disarmed engine at rest.
     fn power_ends_with_a_cold_engine_only(&mut self) {
         let h = self.h;
         let ends = h.power.windows(2).filter(|pair| pair[0].1 == Some(true) && pair[1].1 == Some(false));
@@ -127,7 +128,7 @@ impl Case<'_> {
         }
     }
 
-    /// Not armed, sent standby or stop, cold and at rest, and all of that reported: the power is off by then.
+    /// Not armed, sent standby or stop, cold and at rest, and all of this reported: the power is off by then.
     fn power_ends_with_a_cold_engine(&mut self) {
         let h = self.h;
         let cold = h.times(|sample| {
@@ -170,7 +171,8 @@ impl Case<'_> {
         }
     }
 
-    /// It is turned on by an arming, an order of run, a life that the ECU reports, or a record of one of them.
+    /// It is turned on by an arming, an order to run, a running engine that the ECU reports, or a record of
+    /// one of these.
     fn power_has_a_reason(&mut self) {
         let h = self.h;
         let mut before = Some(false);

@@ -1,4 +1,4 @@
-//! What has to be on the wire at once, and what may not be there in the meantime.
+//! What has to be on the wire at once, and what must not be on it meanwhile.
 
 use super::case::{Case, Rule, seconds};
 use super::limits::Arrival;
@@ -9,7 +9,7 @@ use sim::turbine::Phase;
 const STEP: f64 = 8.0;
 /// An AMT reply ends within this time of its set.
 const REPLIES: u64 = 30 * MS;
-/// Time for which damaged frames at the expected times are no gap, in flight.
+/// Time for which damaged frames at the expected times are not a gap, in flight.
 const KEEPS_THE_BEAT: u64 = 10 * SECOND;
 /// Default of `governor.max_age`.
 const SPEED_IS_OLD: u64 = 600 * MS;
@@ -41,7 +41,7 @@ impl Case<'_> {
             let (at, due) = (ctf.at, ctf.at + within);
             let long = h.rules.recover_after + h.rules.takeover + 2 * SECOND;
             let since = at.saturating_sub(long);
-            // It commanded run until now, and nobody else anything.
+            // It commanded run until now, and no other source commanded anything.
             let alone = h.commanded(since, due).iter().all(|other| {
                 let runs =
                     matches!(other.command, PilotCommand::Run(_) | PilotCommand::Arm | PilotCommand::Ctf);
@@ -72,7 +72,7 @@ impl Case<'_> {
         let mut judged = 0;
         for frame in &h.frames {
             let set = h.sets[..h.sets.partition_point(|set| *set <= frame.at)].last();
-            // Which bytes are a set is up to the node where some are damaged, or come from nobody.
+            // Which bytes form a set is up to the node where some are damaged, or no ECU sent them.
             let Some(set) = set.filter(|set| !noise.touches(**set, frame.at + 5 * MS)) else { continue };
             judged += 1;
             if frame.at + h.rules.frame > set + REPLIES {
@@ -84,7 +84,7 @@ impl Case<'_> {
         self.verdict.count("replies in their window", judged);
     }
 
-    /// In doubt since a gap a demand does not rise before a set reports that the engine runs.
+    /// In doubt since a gap, a demand does not rise before a set reports that the engine runs.
     fn rises_when_confirmed(&mut self) {
         let h = self.h;
         let long = h.rules.serial_delay.saturating_sub(500 * MS);
@@ -118,7 +118,7 @@ impl Case<'_> {
         }
     }
 
-    /// In flight damaged frames at the expected times are no gap, for 10 s: the demand stays on the wire.
+    /// In flight, damaged frames at the expected times are not a gap for 10 s: the demand stays on the wire.
     fn damage_is_no_gap(&mut self) {
         let h = self.h;
         let hidden = self.blind.union(&self.down).union(&h.noise_to_ecu).union(&h.deaf).union(&h.pwm);
@@ -126,7 +126,8 @@ impl Case<'_> {
             let since = from.saturating_sub(4 * SECOND);
             let until = to.min(from + KEEPS_THE_BEAT - 300 * MS);
             let before = h.noise.last_before(from).is_some_and(|(_, over)| over + 4 * SECOND > from);
-            // A speed continues as ID 7, in turn with ID 0 once the link is lost, and the version of the ECU with it.
+            // A speed continues as ID 7. Once the link and with it the ECU's version are lost, it alternates with ID
+            // 0.
             let by_rpm = h.frames_within(since, from).iter().any(|frame| matches!(frame.sent, Sent::Rpm(_)));
             if before
                 || by_rpm
@@ -146,7 +147,7 @@ impl Case<'_> {
         }
     }
 
-    /// A governor gives idle without speeds, and no more fuel to a shaft that falls.
+    /// A governor commands idle without speeds, and no more throttle to a shaft that falls.
     fn governs_by_speeds(&mut self) {
         let h = self.h;
         let rules = &h.rules;
@@ -201,7 +202,7 @@ impl Case<'_> {
         let mut falling = 0;
         for (from, to) in h.times(falls).iter() {
             let mut lowest = f64::MAX;
-            // The second speed that shows it has come.
+            // The second speed that shows it has arrived.
             for frame in h.frames_within(from + self.one_state(), to).iter().filter(|frame| steady(frame.at))
             {
                 let Some(tenths) = throttle(frame.sent) else { continue };

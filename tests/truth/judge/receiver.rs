@@ -1,5 +1,5 @@
-//! The judge's own reading of a receiver: which frames count, and what stick and switches show. From `docs/rc.md` and the public description
-//! of SBUS; nothing of it is from the decoder or the pilot of `jetlink-rc`.
+//! The judge's own decoder of a receiver: which frames count, and what stick and switches show. Written from `docs/rc.md` and the
+//! public description of SBUS, not from the decoder or the pilot of `jetlink-rc`.
 
 use crate::history::{MS, Position, Radio, RadioRules, SBUS, SECOND};
 
@@ -7,25 +7,26 @@ use crate::history::{MS, Position, Radio, RadioRules, SBUS, SECOND};
 const APART: u64 = 50 * MS;
 /// A frame takes this time on the line.
 const ON_THE_LINE: u64 = 3 * MS;
-/// A longer time without frames that can be read is a pause.
+/// A longer time without readable frames is a pause.
 const PAUSE: u64 = 200 * MS;
-/// Positions that are found within this time after a pause are no moves, and are held for longer until they count.
+/// Positions that are found within this time after a pause are not moves, and have to be held for longer before
+/// they count.
 const RETURN: u64 = SECOND;
 const HELD: u64 = 60 * MS;
 const HELD_AFTER_A_PAUSE: u64 = 300 * MS;
-/// A throttle that steps by this, in µs, and within this time by as much in the other direction, three times in a row, is not a stick.
+/// A throttle that steps by this much, in µs, and back by as much within this time, three times in a row, is not a stick.
 const STEP: u16 = 200;
 const STEPS_APART: u64 = 100 * MS;
 const IN_TURNS: u8 = 3;
-/// It is silence for this long from the last such step on.
+/// Time from the last such step for which it counts as silence.
 const SILENT: u64 = SECOND;
-/// Least pulse of a stop beside a channel that cannot be read, µs.
+/// Shortest pulse of a stop beside a channel that cannot be read, µs.
 const DRIVEN: u16 = 900;
 
 /// Channels of a frame, in the numbers of SBUS.
 type Channels = [u16; 16];
 
-/// A move of the switch in sight.
+/// A switch move that was received.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) struct Move {
     pub from: Position,
@@ -36,7 +37,7 @@ pub(super) struct Move {
     pub at: u64,
 }
 
-/// What counts with a frame all of whose channels can be read.
+/// What counts with a frame whose channels can all be read.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) struct Sight {
     /// 0.1 %.
@@ -49,9 +50,9 @@ pub(super) struct Sight {
     pub handed_over: bool,
     /// Since when the stick has been at idle.
     pub idle: Option<u64>,
-    /// The move in sight to the position that counts; `None`: it was found.
+    /// The received move to the position that counts; `None`: the position was found.
     pub moved: Option<Move>,
-    /// The engine was handed over since that move, by a hand-over channel that counted.
+    /// The engine has been handed over since that move, by a hand-over channel that counted.
     pub was_handed_over: bool,
 }
 
@@ -80,7 +81,7 @@ pub(super) fn read(radio: &Radio, ups: &[u64], idle_band: u32) -> Vec<(u64, Opti
 /// The good frames so far: a value counts when it is the median of three.
 #[derive(Default)]
 struct Row {
-    /// The line has paused since the node began: from there on a frame can be known by its beginning.
+    /// The line has paused since the node began: from then on a frame can be recognised by its beginning.
     has_paused: bool,
     frames: Vec<Channels>,
     last: Option<u64>,
@@ -122,7 +123,7 @@ impl Row {
     }
 }
 
-/// Since when all that is shown has been so.
+/// What is shown and what counts, and since when.
 #[derive(Default)]
 struct Eyes {
     /// The last frame that could be read, and the first one since a pause.
@@ -142,7 +143,8 @@ struct Eyes {
     was_handed_over: bool,
     /// First and last frame of those that cannot be read, with the switch at stop.
     stop: Option<(u64, u64)>,
-    /// The throttle of the last frame, its last step and whether it went up, how many went to and fro, and until when it is none.
+    /// The throttle of the last frame, its last step and whether it went up, how many steps alternated, and until when it is no
+    /// stick.
     throttle: Option<u16>,
     step: Option<(u64, bool)>,
     steps: u8,
@@ -150,7 +152,7 @@ struct Eyes {
 }
 
 impl Eyes {
-    /// Whether two senders move the throttle in turns.
+    /// Whether two senders move the throttle alternately.
     fn goes_to_and_fro(&mut self, at: u64, throttle: u16) -> bool {
         let before = self.throttle.replace(throttle).unwrap_or(throttle);
         if throttle.abs_diff(before) >= STEP {

@@ -1,11 +1,12 @@
-//! A run belongs to one life of an engine: one that burns again on the order of before is sent run no more.
+//! A run belongs to one life of an engine: an engine that burns again on the earlier order is no longer sent
+//! run.
 
 use super::case::{Case, Rule, seconds};
 use crate::history::{Cause, Kind, MS, Mark, SECOND, Sample, Spans, Switch};
 use sim::turbine::Phase;
 
-/// An instant from which on an engine that burns is in another life than that of its order, and by when a node knows it, if the engine
-/// still burns then.
+/// An instant from which a burning engine is in another life than that of its order, and the time by which a node knows it, if
+/// the engine still burns then.
 struct End {
     at: u64,
     known: Option<u64>,
@@ -13,7 +14,7 @@ struct End {
 }
 
 impl Case<'_> {
-    /// A life that has ended, and the engine burns: no run, without a new start.
+    /// A life has ended, and the engine burns: no run without a new start.
     pub(super) fn second_life(&mut self) {
         let h = self.h;
         let starts = self.pairs();
@@ -25,7 +26,7 @@ impl Case<'_> {
         ends.sort_by_key(|end| end.at);
         let mut reported = 0;
         for End { at, known, why } in ends {
-            // One that goes out before it has to is right.
+            // A run that ends early is correct.
             self.verdict.count(why, 1);
             let Some(known) = known.map(|known| known + 2 * h.rules.period + 50 * MS) else { continue };
             let next = starts.iter().copied().find(|start| *start > at).unwrap_or(u64::MAX);
@@ -42,7 +43,7 @@ impl Case<'_> {
         }
     }
 
-    /// The ECU reports that the engine starts, and in such a way that it can be in no other state.
+    /// The ECU reports that the engine starts, so that it can be in no other state.
     fn is_starting(&self, sample: &Sample) -> bool {
         let starts = matches!(sample.phase, Phase::Ignition | Phase::Preheat | Phase::FuelRamp);
         starts && !sample.fault && (!self.is_amt() || self.turns_slowly(sample))
@@ -57,8 +58,8 @@ impl Case<'_> {
         sample.rpm < part * self.h.rules.idle_rpm
     }
 
-    /// By when two reports have come of what holds from an instant on, if it still holds then; `None` if it does not hold at all, or
-    /// something hides it.
+    /// Time by which two reports have arrived of a state that holds from an instant on, if it still holds then; `None` if it does
+    /// not hold, or something hides it.
     fn two_reports_of(&self, from: u64, holds: impl Fn(&Sample) -> bool) -> Option<Option<u64>> {
         let known = from + self.two_states();
         let samples = self.h.samples(from, known);
@@ -68,7 +69,7 @@ impl Case<'_> {
         seen.then(|| samples.iter().all(&holds).then_some(known))
     }
 
-    /// The engine was lit a second time, at an earlier stage of a start than the one that was reported before.
+    /// The engine was lit a second time, at an earlier stage of a start than the one reported before.
     fn restarts(&self, starts: &[u64]) -> Vec<End> {
         let h = self.h;
         let mut ends = Vec::new();
@@ -79,7 +80,7 @@ impl Case<'_> {
             if starts.iter().any(|start| (lit..=at).contains(&start)) {
                 continue;
             }
-            // It was reported, for long enough to know it.
+            // It was reported for long enough to be known.
             let later = |sample: &Sample| {
                 matches!(sample.phase, Phase::FuelRamp | Phase::LearningIdle | Phase::Running)
                     && sample.lit
@@ -94,14 +95,14 @@ impl Case<'_> {
                     !self.is_amt() || h.samples(from, to).iter().all(|sample| sample.phase == Phase::Running);
                 ran && hidden.iter().all(|spans| !spans.touches(from, to))
             });
-            // From when its shaft is that of a start.
+            // From when its shaft speed is that of a start.
             let slow = h.samples(*at, at + 20 * SECOND).iter().find(|sample| self.turns_slowly(sample));
             let early = |sample: &Sample| {
                 matches!(sample.phase, Phase::Ignition | Phase::Preheat)
                     && !sample.fault
                     && self.turns_slowly(sample)
             };
-            // Reports of before come first.
+            // Earlier reports come first.
             let stale = h.rules.boot + h.rules.stale * self.one_state();
             let known = slow.and_then(|slow| self.two_reports_of(slow.at.max(at + stale), early));
             if let Some(known) = known.filter(|_| reported) {
@@ -111,7 +112,8 @@ impl Case<'_> {
         ends
     }
 
-    /// Nothing was received for longer than a gap, and after it the engine starts, or starts again by itself.
+    /// Nothing was received for longer than a gap, and after it the engine starts, or its ECU starts it
+    /// again.
     fn gaps_in_starts(&self) -> Vec<End> {
         let gaps = self.blind.at_least(self.gap());
         let gaps: Vec<(u64, u64)> = gaps.iter().filter(|(from, _)| *from > 0).collect();
@@ -138,7 +140,7 @@ impl Case<'_> {
         self.h.resets.iter().filter_map(end).collect()
     }
 
-    /// Two error sets in a start that has not come to a running engine.
+    /// Two error sets in a start that has not reached running.
     fn faults_in_starts(&self, starts: &[u64]) -> Vec<End> {
         let h = self.h;
         let faults = if self.is_amt() { self.faults.clone() } else { Spans::default() };

@@ -1,4 +1,4 @@
-//! What the demand may be while a start is under way, how fast it may fall, and how long orders of that kind last.
+//! What the demand may be during a start, how fast it may fall, and how long such orders last.
 
 use super::case::{Case, Rule, seconds};
 use crate::history::{Cause, Demanded, MS, Mark, PilotCommand, Reset, SECOND, Sample, Sent, Switch};
@@ -9,12 +9,12 @@ use std::collections::BTreeSet;
 const STEP: f64 = 8.0;
 
 impl Case<'_> {
-    /// Until the ECU reports a running engine the demand is idle, or the throttle of a start.
+    /// Until the ECU reports a running engine, the demand is idle, or the start throttle.
     pub(super) fn start_throttle(&mut self) {
         let h = self.h;
         let most = f64::from(h.rules.start_throttle.max(h.rules.idle_band)) + STEP;
         let early = |phase| matches!(phase, Phase::Ignition | Phase::Preheat | Phase::FuelRamp);
-        // What hid the end of a run counts as part of it.
+        // Time in which the end of a run was hidden counts as part of it.
         let flight = self.runs.union(&h.noise).longer(6 * SECOND);
         let mut reported = 0;
         for frame in &h.frames {
@@ -24,7 +24,7 @@ impl Case<'_> {
             }
             let since = at.saturating_sub(h.rules.period + 150 * MS);
             let Some((lit, out)) = self.live.last_before(since) else { continue };
-            // One that the ECU began itself, or right behind another, continues at the demand that it had.
+            // A start by the ECU itself, or right after another start, continues at the demand that it had.
             let again =
                 h.marks.iter().any(|(when, mark)| *mark == Mark::Relight && (lit..=at).contains(when));
             let samples = h.samples(lit, at);
@@ -47,13 +47,14 @@ impl Case<'_> {
         }
     }
 
-    /// A demand falls at its rate where one is set, for a source that is in control and stays so.
+    /// A demand falls at the configured rate, if there is one, for a source that is in control and stays so.
     pub(super) fn fall(&mut self) {
         let h = self.h;
         let Some(rate) = h.rules.slew_down.filter(|_| !h.rules.governor) else { return };
         let hidden = self.blind.union(&h.noise).union(&self.down).union(&h.deaf);
         let falls_in = |time: u64| f64::from(rate) * time as f64 / SECOND as f64;
-        // What a frame reports was reckoned up to a slot before it began: once, however long the demand falls.
+        // A frame's content was computed up to a slot before it began. This counts once, however long the
+        // demand falls.
         let slack = falls_in(h.rules.period + 20 * MS) + STEP;
         // How far the demand may have fallen by now from the highest one that was on the wire.
         let mut before: Option<(u64, f64)> = None;
@@ -97,7 +98,7 @@ impl Case<'_> {
         self.verdict.count("frames that fall at slew.down", falling);
     }
 
-    /// A governor gives no more than it may.
+    /// A governor stays within its authority.
     pub(super) fn authority(&mut self) {
         let h = self.h;
         for frame in h.frames.iter().filter(|_| h.rules.governor) {
@@ -151,8 +152,8 @@ impl Case<'_> {
         }
     }
 
-    /// A start that does not reach running ends after its time. A ZK ECU gives a time of its own, that of its last start, which counts
-    /// twice; and its own restart (13) has the time of a start, too.
+    /// A start that does not reach running ends at its timeout. A ZK ECU reports the duration of its last start, and the timeout
+    /// is twice that. Its own restart (13) has the timeout of a start, too.
     pub(super) fn start_ends(&mut self) {
         let h = self.h;
         let runs = |sample: &Sample| matches!(sample.phase, Phase::Running | Phase::LearningIdle);
@@ -182,7 +183,7 @@ impl Case<'_> {
                     lit = None;
                 }
             }
-            // In flight only its own restart begins again.
+            // In flight only the ECU's own restart begins a new start.
             let relit = |at: u64| {
                 h.marks.iter().any(|(when, mark)| *mark == Mark::Relight && (ran..at).contains(when))
             };
@@ -190,7 +191,7 @@ impl Case<'_> {
             if self.is_amt() && ran >= from || !self.is_amt() && ran >= from && !relit(frame.at) {
                 continue;
             }
-            // Twice its own, between 5 s and 600 s.
+            // Twice the reported duration, between 5 s and 600 s.
             let own = if self.is_amt() || longest == 0 { 0 } else { 2 * longest + 2 * SECOND };
             let most = h.rules.start_timeout.max(own).max(if own > 0 { 5 * SECOND } else { 0 });
             let late = since + most + 2 * SECOND;

@@ -1,15 +1,15 @@
-//! With all sources silent, an engine is at its fail-safe or stopped by a stated instant.
+//! With all sources silent, an engine is at its fail-safe or stopped by a defined instant.
 
 use super::case::{Case, Rule, seconds};
 use super::control::{silences, to_fail_safe};
 use crate::history::{Cause, Demanded, Frame, MS, PilotCommand, SECOND, Sent, Switch};
 use sim::turbine::Phase;
 
-/// From a new demand to the turbine's speed.
+/// Time from a new demand to the turbine's speed.
 const SPIN_DOWN: u64 = 7 * SECOND;
 /// Time from the fail-safe to standby, where no engine is known to run, and nothing else is configured.
 const RUN_OUT: u64 = 10 * SECOND;
-/// Longest time in which a node that was reset finds out what its engine does, beside `listen`.
+/// Longest time in which a node that was reset finds out what its engine does, besides `listen`.
 const FINDS_OUT: u64 = 1500 * MS;
 /// Resolution of the wire, 0.1 %.
 const STEP: f64 = 8.0;
@@ -32,7 +32,7 @@ impl Case<'_> {
             let doubt = hidden.touches(from.saturating_sub(2 * SECOND), wire.min(to));
             let doubtful = rules.standby_after.unwrap_or(10 * SECOND) + 2 * SECOND;
             let turbine = wire + SPIN_DOWN + if doubt { doubtful } else { 0 };
-            // Until the ECU reports a running engine it is the throttle of a start.
+            // Until the ECU reports a running engine, it is the start throttle.
             let starts = h.samples(from, to).iter().any(|sample| !sample.runs() || sample.hidden);
             let safe = if starts { rules.fail_safe.max(rules.start_throttle) } else { rules.fail_safe };
             let lowest = |demanded| match demanded {
@@ -52,7 +52,8 @@ impl Case<'_> {
                 let text = format!("{demanded} on the wire, all sources silent since {}", seconds(from));
                 self.verdict.finding(Rule::SilentWire, frame.at, text);
             }
-            // A ZK ECU from version 5 continues as it was when the wire to it is cut: judged by the wire alone.
+            // A ZK ECU from version 5 continues unchanged when the wire to it is cut, so only the wire is
+            // judged.
             let deaf = h.deaf.union(&h.noise).touches(from.saturating_sub(2 * SECOND), turbine.min(to));
             if turbine >= to || deaf && rules.kind.continues_without_commands() || h.pwm.touches(from, to) {
                 continue;
@@ -76,7 +77,7 @@ impl Case<'_> {
         }
     }
 
-    /// An order to run whose engine has not come to run ends when the stages of loss have run out.
+    /// An order to run whose engine has not reached running ends when the stages of loss have run out.
     fn no_start_in_silence(&mut self, from_us: u64, to_us: u64) {
         let h = self.h;
         let rules = &h.rules;
@@ -95,7 +96,7 @@ impl Case<'_> {
         }
     }
 
-    /// A lost demand never rises, nor does it when its source is there again, until that has been received for long enough.
+    /// A lost demand never rises, not even when its source is back, until the source has been received for long enough.
     fn no_rise_in_silence(&mut self, from_us: u64, to_us: u64) {
         let h = self.h;
         let rules = &h.rules;
@@ -112,7 +113,7 @@ impl Case<'_> {
             .commanded(from_us.saturating_sub(30 * SECOND), from_us)
             .iter()
             .all(|other| other.source == last.source);
-        // One that was not alone may have taken over.
+        // A source that was not alone may have taken over.
         let age = rules.ages.into_iter().max().unwrap_or_default();
         let age = if alone { self.command_log.age(last.source) } else { age };
         let lost = from_us + age + 2 * rules.period + 200 * MS;
@@ -123,7 +124,7 @@ impl Case<'_> {
         };
         let hidden = self.blind.union(&h.noise).union(&h.deaf).union(&self.down);
         let since = from_us.saturating_sub(2 * SECOND);
-        // One that is present, and commands nothing, is not lost.
+        // A source that is present but commands nothing is not lost.
         let present = h.commanded(from_us, to_us).iter().any(|other| other.command == PilotCommand::Nothing);
         if until <= lost || present || rules.governor || h.pwm.touches(since, until) {
             return;
@@ -193,12 +194,12 @@ impl Case<'_> {
         }
     }
 
-    /// It came up just now, perhaps with the throttle of a start.
+    /// It has just come up, perhaps with the start throttle.
     fn just_started(&self, at: u64) -> bool {
         self.h.samples(at.saturating_sub(SPIN_DOWN), at).iter().any(|sample| !sample.runs())
     }
 
-    /// The wire to the ECU was cut or damaged just now: it cannot have obeyed yet.
+    /// The wire to the ECU has just been cut or damaged: the ECU cannot have obeyed yet.
     fn ecu_is_blind_to_us(&self, at: u64) -> bool {
         let h = self.h;
         let hidden = h.deaf.touches(at.saturating_sub(SPIN_DOWN), at)
@@ -206,7 +207,7 @@ impl Case<'_> {
         hidden || self.down.touches(at.saturating_sub(SPIN_DOWN), at)
     }
 
-    /// The last demand that came to the ECU is above the fail-safe.
+    /// The last demand that reached the ECU is above the fail-safe.
     fn obeys_more(&self, at: u64) -> bool {
         let h = self.h;
         let before = h.frames[..h.frames.partition_point(|frame| frame.at < at)].iter().rev();
@@ -220,20 +221,20 @@ impl Case<'_> {
         }
     }
 
-    /// The instant by which the demand is at the fail-safe: a reset costs the time without a node and the time to find
-    /// out, at most three of them; from the third on it resumes there.
+    /// The instant by which the demand is at the fail-safe. Up to three resets each add the time without a node and
+    /// the time to find out; from the third on the node resumes there.
     fn fail_safe_by(&self, from_us: u64, to_us: u64, stages: u64) -> u64 {
         let rules = &self.h.rules;
         let finds_out = rules.listen + FINDS_OUT;
         let mut by = from_us + stages;
         let mut resets = 0;
         for reset in self.h.resets.iter().filter(|reset| reset.up > from_us && reset.down < to_us) {
-            // What is at the fail-safe stays there. A demand that did not get to the ECU, because its life is in doubt, has not
-            // been lowered: a node without memory finds it, and begins with it.
+            // A demand at the fail-safe stays there. A lower demand that did not reach the ECU, because the life is in doubt,
+            // lowers nothing: a node without memory finds the old one and begins with it.
             if reset.down >= by && !(reset.cause == Cause::PowerOn && self.obeys_more(reset.down)) {
                 break;
             }
-            // Without memory nobody counts those before.
+            // Without memory the earlier resets do not count.
             resets = if reset.cause == Cause::PowerOn { 0 } else { resets + 1 };
             if resets > 3 {
                 // It resumes at the fail-safe.
@@ -242,7 +243,8 @@ impl Case<'_> {
             }
             by += reset.up - reset.down.max(from_us) + finds_out;
             if reset.cause != Cause::Watchdog {
-                // What was retained of a source is gone: the stages begin with nobody's demand.
+                // The retained state of a source is gone: the stages begin with a demand that belongs to no
+                // source.
                 by = by.max(reset.up + finds_out + stages);
             }
         }

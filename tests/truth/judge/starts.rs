@@ -1,4 +1,4 @@
-//! Who may start an engine, and for how long an engine at rest may be sent run.
+//! Which source may start an engine, and for how long an engine at rest may be sent run.
 
 use super::case::{Case, Rule, seconds};
 use super::fuel::{CLOSE_PUMP, OPEN_PUMP};
@@ -6,14 +6,14 @@ use crate::history::{Cause, Frame, Kind, MS, Mark, PilotCommand, SECOND, Sample,
 use sim::turbine::Phase;
 use std::collections::BTreeMap;
 
-/// After a lower demand a falling exhaust proves nothing for this long.
+/// Time after a lower demand for which a falling exhaust temperature proves nothing.
 const LOWERED: u64 = 5 * SECOND;
-/// A source that was lost may be in control after this time without a gap: other settings after a reset.
+/// Time without a gap after which a lost source may be in control: other settings after a reset.
 const RECOVERS: u64 = 300 * MS;
-/// By so much an exhaust has to be colder than that of an engine that burns, °C: an AMT report has steps of 4.6.
+/// Difference by which an exhaust has to be colder than that of a burning engine, °C: an AMT report has steps of
+/// 4.6 °C.
 const BURNS: f64 = 10.0;
-/// An exhaust that falls by 15 °C a second for 3 s is seen by values in steps of 4.6 °C when it falls by this many °C a second for
-/// this many seconds.
+/// Fall in °C/s, and duration in s, with which values in steps of 4.6 °C show an exhaust that falls by 15 °C/s for 3 s.
 const FALL: f64 = 19.0;
 const FALLS_FOR: u64 = 5;
 
@@ -22,9 +22,10 @@ const FALLS_FOR: u64 = 5;
 pub(super) struct Start {
     pub source: usize,
     pub at: u64,
-    /// Cancelled then: by a stop, a disarm, a person, its own standby or a higher source's change to it.
+    /// Time of its cancellation: by a stop, a disarm, a person, its own standby or a higher source's change
+    /// to standby.
     pub until: u64,
-    /// Cancelled then if it still waits: by any fresh source's change to standby.
+    /// Time of its cancellation if it still waits: by any fresh source's change to standby.
     pub waits_until: u64,
     used: bool,
 }
@@ -55,7 +56,8 @@ impl Case<'_> {
                         ready = [false; 4];
                     }
                     ready[source] = true;
-                    // A stray command of a source that was away changes nothing; of a higher one it has to take effect.
+                    // A stray command of a source that was away changes nothing; one from a higher source has to take
+                    // effect.
                     let commanding = self
                         .command_log
                         .commands_since(source, at)
@@ -100,10 +102,10 @@ impl Case<'_> {
         starts
     }
 
-    /// How long after its run a start may still bring the engine to life.
+    /// Time after its run for which a start may still light the engine.
     fn start_time(&self) -> u64 {
         let rules = &self.h.rules;
-        // A ZK ECU gives the time of its last start, which counts twice, within 5 s to 600 s.
+        // A ZK ECU reports the duration of its last start; twice that counts, within 5 s to 600 s.
         let own = match rules.kind {
             Kind::Amt => 0,
             Kind::Zk(_) => 120 * SECOND,
@@ -111,14 +113,15 @@ impl Case<'_> {
         rules.start_timeout.max(own) + rules.start_wait + 2 * SECOND
     }
 
-    /// What keeps an engine from a start at this instant, in truth.
+    /// What really prevents a start at this instant.
     fn interlock(&self, at: u64) -> Option<String> {
         let h = self.h;
         if !self.command_log.armed(at) {
             return Some("it is not armed".into());
         }
         let stable = h.rules.link_stable.saturating_sub(300 * MS);
-        // One that has only just begun cannot be seen yet. An AMT ECU reports that it was powered up.
+        // An outage that has only just begun cannot be detected yet. An AMT ECU reports that it was powered
+        // up.
         let shows = |to: u64| if self.is_amt() { to + h.rules.boot } else { u64::MAX };
         let outage = |(from, to): (u64, u64)| {
             to > at.saturating_sub(stable) && at >= (from + self.gap()).min(shows(to))
@@ -153,7 +156,7 @@ impl Case<'_> {
         {
             return Some("the supply is low".into());
         }
-        // A pump that its node has opened, and not closed again.
+        // A pump that its node has opened and not closed again.
         let pump = |sent| matches!(sent, Sent::Action(OPEN_PUMP | CLOSE_PUMP));
         let pump =
             h.frames_within(at.saturating_sub(2 * SECOND), at).iter().rev().find(|frame| pump(frame.sent));
@@ -171,17 +174,17 @@ impl Case<'_> {
     fn not_by(&self, start: &Start, at: u64) -> Option<String> {
         let who =
             |why: &str| Some(format!("the start of source {} at {} {why}", start.source, seconds(start.at)));
-        // What was cancelled is off the wire with the next frame or two.
+        // A cancelled order is off the wire within the next two frames.
         if at > start.until.saturating_add(3 * self.h.rules.period + 50 * MS) {
             return who("was cancelled");
         }
         if at > start.at + self.start_time() {
             return who("is too long ago");
         }
-        // Where no run goes out at once, it waits for another engine, for as long as its source is there.
+        // Where no run is sent at once, it waits for another engine, for as long as its source is fresh.
         let began = self.began(start.at, at);
         let longest = |until| self.longest_gap(start.source, start.at, until);
-        // Whether it waited shows at the next slot at the earliest.
+        // Whether it waited is visible at the next slot at the earliest.
         let waited = began > start.at + self.h.rules.period + 100 * MS;
         if waited && began > start.waits_until.saturating_add(self.h.rules.period + 100 * MS) {
             return who("waited, and was cancelled");
@@ -196,8 +199,7 @@ impl Case<'_> {
             return who("is of a source that was silent for too long");
         }
         if waited {
-            // Everything is checked again when it goes.
-            // It goes at an instant between two slots.
+            // Everything is checked again when it begins. It begins at an instant between two slots.
             let before = began.saturating_sub(self.h.rules.period + 50 * MS);
             let commands = self.command_log.until(start.source, began);
             let last = commands.partition_point(|(at, _)| *at <= before).saturating_sub(1);
@@ -211,7 +213,7 @@ impl Case<'_> {
                 return who(&format!("waited, and was not to be granted when it went: {why}"));
             }
         }
-        // Every interlock at that instant; only another engine that starts is waited for.
+        // Every interlock counts at that instant; only for another engine's start does it wait.
         self.interlock(start.at).and_then(|why| who(&format!("was not to be granted: {why}")))
     }
 
@@ -222,13 +224,13 @@ impl Case<'_> {
         self.h.resets.iter().any(|reset| (before..=since).contains(&reset.up))
     }
 
-    /// When run goes out after a start that was commanded, within this time.
+    /// When run is sent after a commanded start, within this time.
     fn began(&self, requested: u64, at: u64) -> u64 {
         let mut frames = self.h.frames_within(requested, at).iter();
         frames.find(|frame| frame.sent.switch() == Some(Switch::Run)).map_or(at, |frame| frame.at)
     }
 
-    /// When the ECU has reported a start as under way: two states after it began, and what is damaged until `at` reports nothing.
+    /// When the ECU has reported a start in progress: two states after it began; damaged frames until `at` report nothing.
     fn reported_by(&self, start: u64, at: u64) -> u64 {
         let begun = self.live.last_before(at).map_or(start, |(lit, _)| lit.max(start));
         begun + self.two_states() + self.h.noise.within(begun, at)
@@ -249,7 +251,7 @@ impl Case<'_> {
             if mark != Mark::Ignition || h.pwm.contains(at) {
                 continue;
             }
-            // An ECU that receives nothing any more acts on the last command that came to it, whole.
+            // An ECU that no longer receives anything acts on the last intact command that reached it.
             let frames = &h.frames[..h.frames.partition_point(|frame| frame.at + h.rules.frame <= at)];
             let received = frames.iter().rev().find(|frame| frame.arrived && frame.sent.switch().is_some());
             let sent = received
@@ -278,8 +280,8 @@ impl Case<'_> {
                 self.verdict.count("starts that waited", u64::from(waited));
                 continue;
             }
-            // An outage with boot that is shorter than a gap cannot be seen, and in a start that was not reported yet at rest still
-            // fits.
+            // An outage and boot shorter than a gap cannot be detected, and in a start that was not reported yet, a report of
+            // rest is still consistent.
             let unseen = h.unpowered.last_before(at).filter(|(from, to)| {
                 let start = starts.iter().rev().find(|start| start.at <= *from).map_or(0, |start| start.at);
                 let shows = if *from < self.reported_by(start, *from) { self.start_time() } else { SECOND };
@@ -289,10 +291,10 @@ impl Case<'_> {
                 self.verdict.exempt("outage of the ECU that is shorter than a gap", to + h.rules.boot - from);
                 continue;
             }
-            // The order was right when it was given, and no other can reach the ECU since: AMT has no transmission but a
-            // reply. Until its serial delay is over the ECU acts on that command.
+            // The order was correct when it was given, and none can reach the ECU since: AMT transmits only replies.
+            // Until its serial delay is over the ECU acts on that command.
             let cut = h.mute.last_before(at).filter(|(from, to)| {
-                // Behind the cut error sets get no reply either.
+                // After the cut, error sets get no reply either.
                 let faults = self.faults.within(*to, at) + 2 * h.rules.period >= at.saturating_sub(*to);
                 let unanswered = at < to + h.rules.period + 50 * MS || faults;
                 let silent = sent + 2 * h.rules.period + 50 * MS >= *from && unanswered;
@@ -307,7 +309,8 @@ impl Case<'_> {
                 self.verdict.exempt("AMT, a relight by the ECU while the wire to the node is cut", at - from);
                 continue;
             }
-            // An ECU that boots with run on its PWM input starts by itself, until the first frame on the line.
+            // An ECU that boots with run on its PWM input starts without a command, until the first frame on
+            // the line.
             let booted = h
                 .unpowered
                 .last_before(at)
@@ -316,14 +319,14 @@ impl Case<'_> {
             if booted && !ordered && h.pwm_signal.contains(at) {
                 continue;
             }
-            // Nobody sent run: noise on the line is a command, with any checksum, once in a while.
+            // No run was sent: with any checksum, noise on the line forms a command now and then.
             let sent_run = frames.iter().rev().find_map(|frame| frame.sent.switch()) == Some(Switch::Run);
             let lately = at.saturating_sub(h.rules.period + 50 * MS);
             if !sent_run && h.noise_to_ecu.touches(lately, at) {
                 self.verdict.exempt("a command that noise has made", at - lately);
                 continue;
             }
-            // Nothing that was sent since the flame went out has reached the ECU: it acts on what it was sent before.
+            // Nothing sent since the flame went out has reached the ECU: it acts on an earlier command.
             let out = self.live.iter().map(|(_, to)| to).take_while(|to| *to <= at).last();
             let deaf = out.filter(|out| {
                 let last = received.map_or(0, |frame| frame.at);
@@ -333,27 +336,28 @@ impl Case<'_> {
                 self.verdict.exempt("a relight by the ECU while the wire to it is cut", at - out);
                 continue;
             }
-            // With error sets only, the order continues until the exhaust shows that the engine is out, within 4 s: an ECU that clears its
-            // fault before that, and starts again on the run that it was sent, cannot be seen. Nor can one whose exhaust is still hot
-            // and falls slowly, because its fast fall was explained by a lower demand.
+            // With error sets only, the order continues until the exhaust shows that the engine is out, within 4 s: an ECU that
+            // clears its fault before that, and starts again on the run that it was sent, cannot be detected. Nor can one whose
+            // exhaust is still hot and falls slowly, because a lower demand explained its fast fall.
             let tripped = out.is_some_and(|out| {
-                // A fall that shows, or a demand that is lowered, after the last set that was answered with run is too late.
+                // A visible fall, or a lowered demand, after the last set that was answered with run comes too late.
                 let answered = at.min(sent + h.rules.period + 50 * MS);
-                // A fall proves nothing within 5 s after the demand was lowered, by the stages of loss too.
+                // A fall proves nothing within 5 s after the demand was lowered, also by the stages of loss.
                 let lowered = self.last_lowered(out.saturating_sub(LOWERED), answered);
                 let counts = lowered.map_or(out, |lowered| out.max(lowered + LOWERED));
                 let since = h.samples(out, at.saturating_sub(100 * MS));
-                // Nor can what is not measured.
+                // Nor can a temperature that is not measured.
                 let unmeasured = h.sensor.contains(out);
                 let up =
                     h.resets.iter().map(|reset| reset.up).filter(|up| *up <= at).max().unwrap_or_default();
-                // Without a flame the shaft turns on for a while, and may be reported as running.
+                // Without a flame the shaft keeps turning for a while, and the engine may be reported as
+                // running.
                 let burnt = h.samples(out.saturating_sub(10 * SECOND), out);
                 let burnt = burnt
                     .iter()
                     .any(|sample| sample.lit && matches!(sample.phase, Phase::LearningIdle | Phase::Running));
-                // What was sent before the fault cleared is what the ECU acts on, a moment after it too.
-                // It shows it a moment after the flame went out.
+                // The ECU acts on what was sent before the fault cleared, also for a moment after that. It
+                // reports the fault a moment after the flame went out.
                 let before = h.samples(out + 60 * MS, sent.saturating_sub(h.rules.period + 50 * MS));
                 self.is_amt()
                     && burnt
@@ -361,7 +365,7 @@ impl Case<'_> {
                     && since.iter().any(|sample| sample.fault)
                     && before.iter().all(|sample| sample.fault)
                     && since.iter().all(|sample| sample.egt > h.rules.burning - BURNS || sample.at < counts || unmeasured)
-                    // Nor does a node see the exhaust fall that is reset again before it has.
+                    // Nor does a node that is reset again too soon see the exhaust temperature fall.
                     && (unmeasured
                         || self.longest_up(counts, at.saturating_sub(100 * MS)) < 4 * SECOND
                         || self.fallen(counts.max(up), answered).is_none())
@@ -388,18 +392,18 @@ impl Case<'_> {
                 continue;
             }
             let mut is_exempt = |name| exempt.entry(name).or_default().push(at, at + h.rules.period);
-            // AMT sets carry no checksum: to one that nobody sent, and that reports running, there is a reply.
+            // AMT sets have no checksum: a set that no ECU sent, and that reports running, gets a reply.
             let forged = h.forged[..h.forged.partition_point(|forged| *forged <= at)].last();
             if self.is_amt() && forged.is_some_and(|forged| at <= forged + h.rules.period + 50 * MS) {
                 is_exempt("the reply to an AMT set that no ECU sent");
                 continue;
             }
             let went_out = self.live.last_before(at).map(|(_, to)| to);
-            // A gap that is not over, and long enough to be seen.
+            // A gap that is not over, and long enough to be detected.
             let in_gap = gaps.last_before(at).filter(|(from, to)| at < *to && at > from + self.gap());
             let anew = lives[..lives.partition_point(|life| *life <= at)].last().copied();
             if in_gap.is_none() {
-                // A start that has not brought the engine to life yet.
+                // A start that has not lit the engine yet.
                 let next = latest(&starts, at).find(|start| {
                     went_out.is_none_or(|out| out < start.at)
                         && anew.is_none_or(|anew| anew < start.at)
@@ -408,14 +412,14 @@ impl Case<'_> {
                 if next.is_some() {
                     continue;
                 }
-                // A start that the ECU has not reported yet, and an outage that cannot be seen: at rest still fits. A gap that has
-                // just begun cannot be seen yet.
+                // A start that the ECU has not reported yet, and an outage that cannot be detected: a report of rest is still
+                // consistent. A gap that has just begun cannot be detected yet.
                 let unreported = latest(&starts, at).any(|start| {
                     let reported = self.reported_by(start.at, at);
                     went_out.is_some_and(|out| out >= start.at && out < reported)
                         && anew.is_none_or(|anew| anew < reported + self.gap())
                         && !gaps.touches(start.at, at.saturating_sub(self.gap()).max(start.at))
-                        // An AMT ECU says so in each set: only noise can hide it.
+                        // An AMT ECU reports it in each set: only noise can hide it.
                         && (!self.is_amt() || h.noise.touches(start.at, reported))
                         && self.not_by(start, at).is_none()
                 });
@@ -423,7 +427,8 @@ impl Case<'_> {
                     is_exempt("a start that was not reported yet, and an outage that cannot be seen");
                     continue;
                 }
-                // With error sets in a start nothing shows that it failed, if the exhaust is not used: the start's time.
+                // With error sets in a start, nothing shows that it failed if the exhaust temperature is not used: the
+                // start timeout applies.
                 let failed_start = latest(&starts, at).any(|start| {
                     self.is_amt()
                         && went_out.is_some_and(|out| {
@@ -455,7 +460,7 @@ impl Case<'_> {
                     let noise = h.noise.within(out, at);
                     let down = self.down.within(out, at);
                     let fault = h.samples(out, at).iter().any(|sample| sample.fault);
-                    // With faults in place of a state the exhaust has to be cold, or to fall.
+                    // With faults in place of a state, the exhaust has to be cold, or to be cooling.
                     let hot = if self.is_amt() && fault { self.put_out_by_exhaust(out, at) - out } else { 0 };
                     let report = out + self.one_state();
                     let name = match () {
@@ -494,7 +499,7 @@ impl Case<'_> {
                     );
                     continue;
                 }
-                // An order that a start gave is taken back: what was under way is out with the next frames.
+                // The order of a start is cancelled: frames in progress are over with the next frames.
                 let taken = starts.iter().any(|start| {
                     start.at < at
                         && at <= start.until.saturating_add(3 * h.rules.period + 50 * MS)
@@ -528,14 +533,14 @@ impl Case<'_> {
         }
     }
 
-    /// When the exhaust of an engine that went out has shown it: it is cold, or falls fast enough for long enough, and not
+    /// When the exhaust has shown that its engine went out: it is cold, or falls fast enough for long enough, and not
     /// because a lower demand was commanded.
     fn put_out_by_exhaust(&self, out: u64, at: u64) -> u64 {
         let h = self.h;
         if h.sensor.contains(out) {
             return at;
         }
-        // A thermocouple that broke since counts again once it has been hot.
+        // A thermocouple that broke in the meantime counts again once it has been hot.
         let broke = h.sensor.iter().map(|(from, _)| from).filter(|from| (out..at).contains(from)).min();
         let whole = broke.unwrap_or(at);
         let samples = h.samples(out, whole);
@@ -546,7 +551,7 @@ impl Case<'_> {
         }
         // A node that was reset has to see the fall again.
         let up = h.resets.iter().map(|reset| reset.up).filter(|up| *up <= at).max().unwrap_or_default();
-        // Nor is it seen while nothing is received.
+        // Nor can the node see it while nothing is received.
         let dark =
             self.blind.iter().filter(|(from, to)| to - from > self.gap() && *to <= at).map(|(_, to)| to);
         let up = dark.max().unwrap_or_default().max(up);
@@ -628,7 +633,7 @@ impl Case<'_> {
     }
 }
 
-/// The last starts up to an instant, the last first.
+/// The most recent starts up to an instant, the latest first.
 fn latest(starts: &[Start], at: u64) -> impl Iterator<Item = &Start> {
     starts.iter().rev().filter(move |start| start.at <= at).take(4)
 }

@@ -1,16 +1,16 @@
-//! Radio control: what it commands is what stick and switches say by the judge's own reading of the receiver's frames, and what they say is
-//! commanded.
+//! Radio control commands what stick and switches show, as the judge itself decodes the receiver's frames, and all that they
+//! show.
 
 use super::case::{Case, Rule};
 use super::receiver::{Shown, Sight, read};
 use crate::history::{Demanded, MS, PilotCommand, Position, SECOND, Switch};
 
 const RC: usize = 1;
-/// A switch and a stick that are to be steady have been so for 0.5 s, seen by frames that are up to 20 ms apart.
+/// Time for which a switch and a stick have to be steady: 0.5 s, by frames that are up to 20 ms apart.
 const STEADY: u64 = 500 * MS;
 const FRAMES: u64 = 50 * MS;
-/// What has been steady for this long does count as steady. The document does not say whether that begins with the frame that shows it or
-/// with the one that counts.
+/// Time after which something certainly counts as steady. The document does not say whether that begins with the frame that shows
+/// it or with the one that counts.
 const SURELY: u64 = STEADY + FRAMES;
 
 impl Case<'_> {
@@ -67,7 +67,7 @@ impl Case<'_> {
         3 * self.h.rules.period + 20 * MS
     }
 
-    /// Another source has commanded this lately.
+    /// Another source has recently commanded this.
     fn others(&self, at: u64, within: u64, is: impl Fn(PilotCommand) -> bool) -> bool {
         self.h
             .commanded(at.saturating_sub(within), at)
@@ -124,13 +124,13 @@ impl Case<'_> {
         }
     }
 
-    /// Whether run commands a start: standby is what is sent, nobody else has just started it, and it is not the stream of a start that
-    /// waits.
+    /// Whether run commands a start: standby is being sent, no other source has just started the engine, and it is not the stream
+    /// of a start that waits.
     fn would_start(&self, at: u64, last: &Last) -> bool {
         let streams = last.run.is_some_and(|run| at <= run + 100 * MS);
         let by_another = || self.others(at, SECOND, |command| matches!(command, PilotCommand::Run(_)));
         let standby = || {
-            // What was sent before a reset is in force no more.
+            // An order from before a reset is no longer in force.
             let ups = self.h.resets.iter().map(|reset| reset.up).filter(|up| *up <= at);
             let wire = self.switches(at.saturating_sub(self.lately()).max(ups.max().unwrap_or(0)), at);
             matches!(wire, Wire::All(Switch::Standby | Switch::Stop))
@@ -138,7 +138,7 @@ impl Case<'_> {
         !streams && standby() && !by_another()
     }
 
-    /// Standby for a healthy engine that runs: the switch has moved there from run, in sight.
+    /// Standby for a healthy running engine: the switch was received as it moved there from run.
     fn may_shut_down(&self, at: u64, sight: &Sight) -> Result<(), &'static str> {
         let moved = sight.position == Position::Standby
             && sight.moved.is_some_and(|moved| moved.from == Position::Run);
@@ -148,7 +148,7 @@ impl Case<'_> {
         Err("the engine runs, and the switch has not moved from run to standby")
     }
 
-    /// It runs, is sent run, and nothing but a command could end that.
+    /// It runs, is sent run, and only a command could end that.
     fn is_healthy(&self, at: u64) -> bool {
         if !self.runs.contains(at) {
             return false;
@@ -175,7 +175,7 @@ impl Case<'_> {
         limits && rules.standby_after.is_none() && quiet && runs && !by_another() && sent()
     }
 
-    /// What had to be commanded with this frame, and was not.
+    /// What this frame had to command, and did not.
     fn must(&self, at: u64, shown: &Shown, given: &[PilotCommand], last: &Last) -> Option<String> {
         let has = |wanted: PilotCommand| given.contains(&wanted);
         let sight = match shown {
@@ -214,7 +214,7 @@ impl Case<'_> {
                 let pwm = last.pwm.is_some_and(|pwm| pwm <= at);
                 (!pwm && !given.iter().any(is_right)).then(|| "the switch is at run".into())
             }
-            // The first frames behind a move.
+            // The first frames after a move.
             (Position::Run, Some(moved)) if moved.at == at => {
                 let steady = moved.from == Position::Standby
                     && moved.reached >= moved.left_counted + SURELY
@@ -256,7 +256,7 @@ impl Case<'_> {
         }
     }
 
-    /// Standby is ordered, of an engine that is known to be at rest, and stays so.
+    /// Standby is ordered for an engine that is known to be at rest, and stays ordered.
     fn is_in_standby(&self, at: u64) -> bool {
         let from = at.saturating_sub(3 * SECOND);
         let standby = Wire::All(Switch::Standby);
@@ -273,7 +273,7 @@ impl Case<'_> {
     }
 }
 
-/// What is sent in a time.
+/// What is sent in an interval.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Wire {
     Nothing,
@@ -281,7 +281,7 @@ enum Wire {
     Mixed,
 }
 
-/// When radio control last commanded each of these, and what else does not depend on a frame.
+/// When radio control last commanded each of these, and other values that do not depend on a frame.
 #[derive(Default)]
 struct Last {
     run: Option<u64>,
@@ -309,7 +309,7 @@ fn is_steady(at: u64, sight: &Sight) -> bool {
     sight.idle.is_some_and(|idle| at >= idle + STEADY) && at >= sight.held + STEADY
 }
 
-/// The switch has just moved from standby to run in sight, both held for 0.5 s with the stick at idle.
+/// The switch was received as it moved from standby to run, both held for 0.5 s with the stick at idle.
 fn starts(sight: &Sight, at: u64) -> Result<(), &'static str> {
     let Some(moved) = sight.moved else { return Err("a start, and the switch was found at run") };
     if at > moved.at + FRAMES || moved.from != Position::Standby {

@@ -1,10 +1,10 @@
-//! Emergency stops, what the ECU's version knows, and frames that no document knows.
+//! Emergency stops, commands that the ECU's version knows, and frames that no document defines.
 
 use super::case::{Case, Rule, seconds};
 use super::fuel::{CLOSE_PUMP, CLOSING};
 use crate::history::{Cause, Commanded, Frame, MS, PilotCommand, SECOND, Sent, Spans, Switch};
 
-/// Frames within two slots, of which one may go out at once, and one right behind another that needs it.
+/// Frames within two slots: one may be sent at once, and one right after another that needs it.
 const AT_ONCE: usize = 5;
 
 impl Case<'_> {
@@ -14,7 +14,7 @@ impl Case<'_> {
                 self.verdict.finding(Rule::Frame, frame.at, format!("no frame: {bytes:02X?}"));
             }
         }
-        // What was meant for the time in which the transmitter hung does not go out after it.
+        // Frames from the time in which the transmitter hung are not sent after it.
         for &stall in &self.h.stalls {
             let frames = self.h.frames_within(stall, stall + 2 * self.h.rules.period).len();
             if frames > AT_ONCE {
@@ -34,7 +34,7 @@ impl Case<'_> {
                 latches.extend(open.take().map(|(from, _)| (from, reset.down)));
             }
             match commanded.command {
-                // The lowest of those who stopped it may release it, or anybody above.
+                // The lowest source that commanded the stop, or any higher one, may release it.
                 PilotCommand::Stop => {
                     open = open.map_or(Some((commanded.at, commanded.source)), |(at, who)| {
                         Some((at, who.max(commanded.source)))
@@ -54,7 +54,8 @@ impl Case<'_> {
         latches
     }
 
-    /// A stop is not released with the demand up, nor while the ECU reports a running engine, or nothing.
+    /// A stop is not released with the demand up, nor while the ECU reports a running engine, or reports
+    /// nothing.
     fn refuses_release(&self, release: &Commanded) -> bool {
         let h = self.h;
         let at = release.at;
@@ -74,7 +75,7 @@ impl Case<'_> {
         let period = h.rules.period;
         let latches = self.latches();
         self.stopped = Spans::from(&latches);
-        // A frame that was under way, and ZK's next slot; an AMT reply that was handed over.
+        // A frame that was being sent, and ZK's next slot; an AMT reply that was handed over.
         let late = if self.is_amt() { 40 * MS } else { 2 * period + 20 * MS };
         self.verdict.count("stops", latches.len() as u64);
         for (from, to) in latches {
@@ -128,7 +129,7 @@ impl Case<'_> {
                 let text = format!("stopped at {}, and {} is on the wire", seconds(from), frame.sent);
                 self.verdict.finding(Rule::Stop, frame.at, text);
             }
-            // There is one in every slot: ZK by itself, AMT in reply to each set that can be received.
+            // There is one in every slot: ZK unprompted, AMT in reply to each set that can be received.
             let deaf = self.down.longer(700 * MS).union(&h.noise.longer(300 * MS)).union(&self.stalled());
             let deaf = if self.is_amt() { deaf.union(&self.blind.longer(300 * MS)) } else { deaf };
             let most = 3 * period + 30 * MS;
@@ -158,7 +159,7 @@ impl Case<'_> {
         for frame in &h.frames {
             self.standby_by_mode(frame);
             let needed = match frame.sent {
-                // A stop and a standby go blind; older versions ignore them.
+                // A stop and a standby are sent blind; older versions ignore them.
                 Sent::Mode(Some(Switch::Stop | Switch::Standby), _) | Sent::Action(CLOSE_PUMP) => continue,
                 Sent::Mode(..) | Sent::Rpm(_) => 4,
                 Sent::Action(12) => 5,
@@ -168,13 +169,13 @@ impl Case<'_> {
             if frame.at < reported || h.version(frame.at) >= needed {
                 continue;
             }
-            // Another ECU that was plugged in without a gap cannot be seen before it reports it.
+            // Another ECU that was plugged in without a gap cannot be detected before it reports its version.
             let since = h.versions.iter().rev().find(|(at, _)| *at <= frame.at).map_or(0, |(at, _)| *at);
             let seen = self.blind.at_least(self.gap()).touches(since.saturating_sub(MS), since + self.gap());
             if since > 0 && !seen && frame.at < since + 2 * self.two_states() + h.rules.boot {
                 continue;
             }
-            // In doubt the demand continues as ID 7, which no ECU minds that was not given a factor.
+            // In doubt the demand continues as ID 7, which an ECU without a factor ignores.
             let doubt = self.blind.longer(2 * self.two_states() + SECOND).contains(frame.at);
             if since > 0 && frame.at < since + self.gap() || doubt && matches!(frame.sent, Sent::Rpm(_)) {
                 continue;

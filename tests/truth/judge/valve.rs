@@ -1,21 +1,23 @@
-//! The fuel valve: every latched stop closes it, no fuel comes through it then, and it never cuts a healthy engine.
+//! The fuel valve: every latched stop closes it, no fuel comes through it then, and it never shuts off a healthy
+//! engine.
 
 use super::case::{Case, Rule, seconds};
 use crate::history::{Cause, MS, Mark, PilotCommand, Pin, SECOND, Switch};
 
-/// From what closes it until it is closed: the node looks at its engine at each event of the world, 50 ms apart or less.
+/// Time from the reason until it is closed: the node checks its engine at each event of the world, 50 ms apart or less.
 const LATE: u64 = 60 * MS;
-/// A flame without fuel is out by then: looks at the turbine are 50 ms apart.
+/// Time by which a flame without fuel is out: samples of the turbine are 50 ms apart.
 const BURNS_ON: u64 = 200 * MS;
-/// A standby that is not obeyed closes the valve 5 s later, and not before; until it is in force and on the wire, run is.
+/// A standby that is not obeyed closes the valve 5 s later, not before. Until it is in force and on the wire, run is.
 const NOT_OBEYED: u64 = 4500 * MS;
-/// A start that the firmware itself ends before has failed. From 10 s of them in a row on the valve is closed; each may count for up to
-/// this much more than it lived.
+/// A start that the firmware itself ends before has failed. Once they add up to 10 s in a row, the valve is closed; each may
+/// count for up to this much more than it lived.
 const LIVED: u64 = SECOND;
 const COUNTS_MORE: u64 = 10 * MS;
 const MAY_CLOSE: u64 = 9900 * MS;
 const HAS_TO_CLOSE: u64 = 10 * SECOND;
-/// A command of standby that can be the reason of a valve that closes: the stages of loss, an unknown state and a take-over lie between.
+/// Age of a standby command that can be the reason why the valve closes: the stages of loss, an unknown state and a take-over lie
+/// between.
 const REASON: u64 = 60 * SECOND;
 
 impl Case<'_> {
@@ -54,15 +56,15 @@ impl Case<'_> {
         }
     }
 
-    /// An engine that runs loses its fuel by a stop, by standby, or because nothing is left of its record.
+    /// A running engine loses its fuel by a stop, by standby, or because its record is lost.
     fn cuts_nothing_healthy(&mut self) {
         let h = self.h;
         let new: Vec<u64> = h.pin.iter().filter(|(_, pin)| *pin == Pin::Closed).map(|(at, _)| *at).collect();
         for at in new {
-            // Long enough for the node to know it. A start that a reset interrupts is ended.
+            // Long enough for the node to know it. A reset ends a start.
             let mut begins = h.resets.iter().filter(|reset| (reset.up..reset.up + LATE).contains(&at));
             let begins = begins.next_back();
-            // What was closed before a reset stays so: whether it had to be was judged then.
+            // A valve that was closed before a reset stays closed: whether that was right was judged then.
             let before = |down: u64| h.pin.iter().rev().find(|(at, _)| *at < down).map(|(_, pin)| *pin);
             if begins.is_some_and(|reset| before(reset.down) == Some(Pin::Closed)) {
                 continue;
@@ -76,29 +78,31 @@ impl Case<'_> {
             }
             let lost = begins.is_some_and(|reset| reset.cause == Cause::PowerOn);
             let on_wire = h.frames_within(at.saturating_sub(NOT_OBEYED), at);
-            // A node that begins closes it at once where standby was in force.
+            // A node that begins closes it at once if standby was in force.
             let run =
                 begins.is_none() && on_wire.iter().any(|frame| frame.sent.switch() == Some(Switch::Run));
-            // Of each source the last command but arming and presence counts.
+            // The last command of each source counts, except arming and presence.
             let commanded = h.commanded(at.saturating_sub(REASON), at);
             let wanted = (0..4).any(|source| {
                 let mut own = commanded.iter().rev().filter(|commanded| commanded.source == source);
                 let last = own.find(|own| !matches!(own.command, PilotCommand::Arm | PilotCommand::Nothing));
                 last.is_some_and(|last| last.command.ends_a_run())
             });
-            // What ended a run for good, no later run takes back: that one needs a start.
+            // No later run command reverses the end of a run: that needs a start.
             let for_good = |of: &crate::history::Commanded| {
                 matches!(of.command, PilotCommand::ShutDown | PilotCommand::Stop | PilotCommand::Ctf)
             };
             let wanted = wanted || h.commanded(at.saturating_sub(20 * SECOND), at).iter().any(for_good);
-            // A node in standby continues with it over a reset; what a loss or a limit ended is on the wire.
+            // A node in standby continues with it over a reset; a run that a loss or a limit ended shows on
+            // the wire.
             let and_next = h.frames_within(at.saturating_sub(NOT_OBEYED), at + LATE + 2 * h.rules.period);
             let ended = and_next.iter().any(|frame| frame.sent.switch() == Some(Switch::Standby));
             if begins.is_some_and(|reset| self.failed_before(reset.up, COUNTS_MORE) >= MAY_CLOSE) {
                 self.verdict.exempt("the firmware failed in repeated starts", at - known);
                 continue;
             }
-            // The stages of loss end in standby. In a loop of short resets the valve closes before a frame is due.
+            // The stages of loss end in standby. In a loop of short resets, the valve closes before a frame is
+            // due.
             let run_out = h.rules.standby_after.unwrap_or(10 * SECOND);
             let silent =
                 at > run_out && !h.commanded(at - run_out, at).iter().any(|c| c.command.is_received());
@@ -114,7 +118,8 @@ impl Case<'_> {
         }
     }
 
-    /// Whatever the engine does: what closes the valve is an order of standby or stop, and an ECU that does not follow run is no reason.
+    /// Whatever the engine does: only an order to standby or stop closes the valve, and an ECU that does not follow run is not a
+    /// reason.
     fn closes_in_standby_only(&mut self) {
         let h = self.h;
         let closes = h.pin.windows(2).filter(|pair| pair[0].1 == Pin::Open && pair[1].1 == Pin::Closed);
@@ -123,7 +128,7 @@ impl Case<'_> {
             let switch = |frame: &crate::history::Frame| frame.sent.switch();
             let before = h.frames_within(begins, at).iter().rev().find_map(switch);
             let after = h.frames_within(at, at + SECOND).iter().find_map(switch);
-            // Standby and run again within one send slot: of the first nothing is on the wire.
+            // Standby and run again within one send slot: the standby is never on the wire.
             let lately = h.commanded(at.saturating_sub(2 * h.rules.period + LATE), at);
             let commanded = lately.iter().any(|commanded| {
                 let above = |other: &&crate::history::Commanded| {
@@ -143,7 +148,7 @@ impl Case<'_> {
         }
     }
 
-    /// Time of starts that failed, in a row, when the node begins at this time; each counts for this much besides.
+    /// Time of consecutive failed starts, when the node begins at this time; each counts for this much more.
     fn failed_before(&self, begins: u64, besides: u64) -> u64 {
         let (mut since, mut failed) = (0, 0);
         for reset in self.h.resets.iter().filter(|reset| reset.up <= begins) {
@@ -173,8 +178,8 @@ impl Case<'_> {
         }
     }
 
-    /// Whether the node received reports for long enough at once to know of the run that lasts until then: not in a loop of shorter
-    /// resets, nor while the wire is cut.
+    /// Whether the node received reports without interruption for long enough to know of the run that lasts until then: not in a
+    /// loop of shorter resets, nor while the wire is cut.
     pub(super) fn could_know(&self, until: u64) -> bool {
         let runs = self.h.times(|sample| sample.runs());
         let Some(began) = runs.iter().find(|(from, to)| *from < until && until <= *to).map(|(from, _)| from)
@@ -187,7 +192,7 @@ impl Case<'_> {
         self.longest_received(began, until) >= self.two_states() + LATE
     }
 
-    /// What run on the wire ignites has its valve open.
+    /// An engine that run on the wire lights has its valve open.
     fn starts_find_it_open(&mut self) {
         let h = self.h;
         let closed = h.pin_is(Pin::Closed);

@@ -33,7 +33,7 @@ fn a_demand_rises_at_a_rate_unless_a_pilot_moves_the_stick() {
     };
     up(false).passes();
     up(true).breaks(&[Rule::Rate]);
-    // A pilot who moves it, with and without a slew.
+    // A pilot that moves it, with and without a slew.
     let moved = || {
         started(ZK5)
             .streams(PILOT, 31.0, 40.0, PilotCommand::Run(Demanded::Throttle(800)))
@@ -84,7 +84,8 @@ fn a_running_engine_is_shut_down_by_two_words_or_by_one_of_a_person() {
     story(&[]).breaks(&[Rule::ShutDown]);
 }
 
-/// With AMT standby is the reply to a set: while none comes, it is in force and waits, whatever is commanded after it.
+/// With AMT, standby is the reply to a set: while none arrives, it is in force and waits, whatever is commanded after
+/// it.
 #[test]
 fn a_standby_goes_out_with_the_first_set_after_a_gap() {
     let story = |first: f64| {
@@ -107,8 +108,8 @@ fn a_standby_goes_out_with_the_first_set_after_a_gap() {
     story(38.5).breaks(&[Rule::ShutDown]);
 }
 
-/// A node that is reset again and again, each time before two reports agree, knows of a start only what it knew before: a
-/// disarm ends it.
+/// A node that is reset repeatedly, each time before two consistent reports, learns nothing new about a start: a disarm
+/// ends it.
 #[test]
 fn a_node_in_a_reset_loop_cannot_know_that_a_start_has_reached_running() {
     let story = |resets_from: u64| {
@@ -143,14 +144,14 @@ fn a_lower_sources_standby_waits_for_the_stages_of_loss() {
     };
     story(48.0).passes();
     story(43.0).breaks(&[Rule::ShutDown]);
-    // One that has commanded again for as long as it takes until just now was not in control when it was decided.
+    // A source that has only now commanded for long enough was not in control when the frame was decided.
     let back = |from| story(47.9).streams(PILOT, from, 59.9, PilotCommand::Run(Demanded::Throttle(0)));
     back(44.88).passes();
     back(43.0).breaks(&[Rule::ShutDown]);
 }
 
-/// After a loss of power nothing says whose demand was in force: the stages of loss begin with the engine that is found, at the hold. A
-/// watchdog reset does not restart them.
+/// After a loss of power, nothing shows whose demand was in force: the stages of loss begin at the hold with the engine that is
+/// found. A watchdog reset does not restart them.
 #[test]
 fn a_lower_sources_standby_waits_for_the_stages_of_an_engine_that_was_found() {
     let story = |cause: Cause, standby: f64| {
@@ -224,7 +225,7 @@ fn an_ecu_does_not_put_out_an_engine_for_want_of_commands() {
     let handed_over = |until: u64| move |h: &mut History| h.pwm.push(35 * SECOND, until * MS);
     story(Kind::Zk(3)).with(handed_over(40_100)).passes();
     story(Kind::Zk(3)).with(handed_over(38_900)).breaks(&[Rule::GivenUp]);
-    // A gap of the node that the ECU has to put up with is none.
+    // A gap of the node that the ECU has to tolerate does not count.
     let reset = |length_ms: u64| {
         let down = 38 * SECOND;
         move |h: &mut History| {
@@ -245,7 +246,8 @@ fn an_ecu_does_not_put_out_an_engine_for_want_of_commands() {
     };
     story(AMT).with(cut(38_300)).breaks_beside(&[Rule::Doubt], &[]);
     story(AMT).with(cut(39_300)).breaks_beside(&[Rule::Doubt], &[Rule::GivenUp]);
-    // After a loss of power, with error sets only, nobody knows whether it runs. Another reset is no excuse, whatever the exhaust.
+    // After a loss of power, with error sets only, it is unknown whether it runs. Another reset is no excuse, whatever the
+    // exhaust temperature.
     let faults = |h: &mut History| {
         for sample in h.samples.iter_mut().filter(|sample| sample.at >= 37 * SECOND) {
             sample.fault = true;
@@ -275,7 +277,7 @@ fn an_ecu_does_not_put_out_an_engine_for_want_of_commands() {
     story(AMT).with(faults).with(early(Cause::Watchdog)).with(noise).passes();
     story(AMT).with(early(Cause::Watchdog)).with(noise).breaks(&[Rule::GivenUp]);
     story(AMT).with(faults).breaks(&[Rule::GivenUp]);
-    // Behind a fault only a set that reports running gets a reply; in flight any state does.
+    // After a fault only a set that reports running gets a reply; in flight any state does.
     let hides = |fault: bool, from: u64| {
         story(AMT).with(move |h| {
             h.frames.retain(|frame| frame.at < micros(37.9) || frame.sent == STANDBY);
@@ -315,7 +317,7 @@ fn a_demand_is_not_held_below_the_commanded_one() {
     };
     seldom(500).passes();
     seldom(490).breaks(&[Rule::HeldDown]);
-    // A source that comes back after a short gap continues without a take-over.
+    // A source that returns after a short gap continues without a take-over.
     let comes_back = |low: f64| {
         flight(ZK5, 50.0)
             .streams(PILOT, 50.9, 65.0, PilotCommand::Run(Demanded::Throttle(500)))
@@ -327,7 +329,7 @@ fn a_demand_is_not_held_below_the_commanded_one() {
     };
     comes_back(0.1).passes();
     comes_back(4.0).breaks(&[Rule::HeldDown]);
-    // One that had commanded standby below the stages of loss was not in control.
+    // A lower source that had commanded standby during the stages of loss was not in control.
     let standby = |h: &mut History| {
         let below = h.commanded.iter_mut().filter(|c| c.at > 42 * SECOND && c.at < 46 * SECOND);
         below.for_each(|commanded| commanded.command = PilotCommand::Standby);
@@ -352,7 +354,7 @@ fn a_demand_is_not_held_below_the_commanded_one() {
     stalls(50 * SECOND, 51_900 * MS).with(silent).breaks(&[Rule::HeldDown]);
 }
 
-/// A source that has been in control for long, without a loss, has nothing to wait for when it moves its stick.
+/// A source that has long been in control, without a loss, does not have to wait when it moves its stick.
 #[test]
 fn a_stick_that_moves_in_flight_is_followed_at_the_rate() {
     let moved = |low: f64, long: bool| {
@@ -375,7 +377,8 @@ fn a_stick_that_moves_in_flight_is_followed_at_the_rate() {
     moved(4.5, false).breaks_beside(&[Rule::SilentWire, Rule::HeldDown], &[]);
 }
 
-/// What a limit, or noise in its place, holds low it has held low since. A burst of noise before a flight does not excuse the flight.
+/// A demand that a limit, or noise in its place, holds low must have been low since then. A burst of noise before a flight does
+/// not excuse the flight.
 #[test]
 fn noise_before_a_flight_explains_no_demand_that_is_held_low_later() {
     let story = |noise: u64, low: f64| {
@@ -394,7 +397,8 @@ fn noise_before_a_flight_explains_no_demand_that_is_held_low_later() {
     story(40, 50.0).breaks(&[Rule::HeldDown]);
 }
 
-/// A flame-out passes a limit of how values change. The ECU lights it again in the same life, and the limit holds until standby.
+/// A flame-out exceeds a limit of how values change. The ECU relights the engine in the same life, and the limit holds until
+/// standby.
 #[test]
 fn a_limit_holds_the_demand_of_an_engine_that_was_lit_again() {
     let lit_again = |runs: f64| {
@@ -414,7 +418,7 @@ fn a_limit_holds_the_demand_of_an_engine_that_was_lit_again() {
     };
     let story = || lit_again(60.0);
     story().with(|h| h.rules.limit_change = Some(false)).passes();
-    // Learning idle may be reported as running.
+    // Idle calibration may be reported as running.
     let learning = |h: &mut History| {
         let out = h.samples.iter_mut().filter(|s| s.at >= 40 * SECOND && s.at < 42 * SECOND);
         out.for_each(|s| s.phase = Phase::LearningIdle);
@@ -461,7 +465,8 @@ fn a_limit_that_is_exceeded_has_its_action() {
     story(0, 500.0, false).with(rpm).passes();
 }
 
-/// A shaft below its limit, a supply below it, and a change that no turbine makes: what each of them has to come to.
+/// A shaft speed below its limit, a supply below its limit, and an implausible change, each with its required
+/// action.
 #[test]
 fn a_slow_shaft_a_low_supply_and_a_jump_have_the_action_of_their_limit() {
     let story = |tenths| {
@@ -511,7 +516,7 @@ fn a_shaft_at_rest_raises_doubt_in_any_frame() {
     };
     story(Sent::Nothing).passes();
     story(HALF).breaks(&[Rule::Doubt]);
-    // One of AMT says what the engine does, and another one is answered.
+    // On AMT a set reports the engine's state, and the second one is answered.
     story(HALF).with(|h| h.rules.kind = AMT).passes();
 }
 
@@ -554,7 +559,7 @@ fn a_demand_is_reduced_while_another_engine_has_failed() {
     story(500).breaks(&[Rule::Reduction]);
 }
 
-/// It has as soon as its node shuts it down by itself, before its turbine is out.
+/// It counts as failed as soon as its node shuts it down without a command, before its turbine is out.
 #[test]
 fn an_engine_may_have_failed_from_its_standby_on() {
     let story =
@@ -565,7 +570,7 @@ fn an_engine_may_have_failed_from_its_standby_on() {
     assert!(!failed(HALF, 40.0));
 }
 
-/// The stick moves just before another engine's failure ends: what was commanded then goes out reduced at once, and from there it rises.
+/// The stick moves just before another engine's failure ends: the new demand is sent reduced at once, and rises from there.
 #[test]
 fn a_stick_that_moves_before_a_reduction_ends_does_not_hide_a_jump() {
     let story = |tenths| {
@@ -641,7 +646,7 @@ fn a_demand_is_not_held_above_the_commanded_one() {
     story(250, true).breaks_beside(&[Rule::Limit], &[Rule::HeldUp]);
 }
 
-/// A word of the same source that another one follows at the same instant has moved the demand, which comes down at its rate.
+/// A command that another one of the same source follows at the same instant has moved the demand, which falls at its rate.
 #[test]
 fn a_demand_that_a_stray_word_has_raised_comes_down_at_its_rate() {
     let throttle = |tenths| PilotCommand::Run(Demanded::Throttle(tenths));
@@ -660,8 +665,8 @@ fn a_demand_that_a_stray_word_has_raised_comes_down_at_its_rate() {
     story(false).breaks_beside(&[Rule::Rate], &[Rule::HeldUp]);
 }
 
-/// An engine has failed for sure if it went out and nobody commanded standby: below a source in control that commands run, standby changes
-/// nothing. A speed may be refused, and then its source is not in control.
+/// An engine has certainly failed if it went out and no source commanded standby: below a source in control that commands run,
+/// standby changes nothing. A speed may be refused, and then its source is not in control.
 #[test]
 fn an_engine_has_failed_for_sure_until_a_source_may_have_commanded_standby() {
     let failed = |demanded: Option<Demanded>, since: f64| {
@@ -689,7 +694,7 @@ fn an_engine_has_failed_for_sure_until_a_source_may_have_commanded_standby() {
     };
     let below_throttle = failed(Some(Demanded::Throttle(500)), 62.0);
     assert!(below_throttle.contains(60 * SECOND) && below_throttle.contains(75 * SECOND));
-    // One that was lost has to command for a while before it is in control.
+    // A source that was lost has to command for a while before it is in control.
     let below_one_that_returns = failed(Some(Demanded::Throttle(500)), 69.5);
     assert!(below_one_that_returns.contains(60 * SECOND) && !below_one_that_returns.contains(75 * SECOND));
     let below_speed = failed(Some(Demanded::Rpm(100_000)), 62.0);
@@ -698,7 +703,7 @@ fn an_engine_has_failed_for_sure_until_a_source_may_have_commanded_standby() {
     assert!(alone.contains(60 * SECOND) && !alone.contains(66 * SECOND));
 }
 
-/// An engine that went out before two reports can have shown that it ran has not failed for sure.
+/// An engine that went out before two reports can have shown that it ran has not certainly failed.
 #[test]
 fn an_engine_has_failed_for_sure_only_if_it_was_known_to_run() {
     let failed = |ran: f64, hidden: bool| {

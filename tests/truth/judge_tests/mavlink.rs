@@ -18,7 +18,7 @@ fn breaks(words: &[(f64, Word)], commands: &[(f64, PilotCommand)]) -> bool {
     breaks_behind(&[], words, commands)
 }
 
-/// The same behind damaged frames.
+/// The same after damaged frames.
 fn breaks_behind(damaged: &[f64], words: &[(f64, Word)], commands: &[(f64, PilotCommand)]) -> bool {
     let damaged = damaged.iter().map(|at| micros(*at)).collect();
     let received = words.iter().map(|&(at, word)| Received { at: micros(at), word }).collect();
@@ -62,8 +62,8 @@ fn a_start_is_what_somebody_commanded_of_an_armed_vehicle_at_idle() {
     assert!(!with(&[(4.0, START)], &[]));
 }
 
-/// 600100023: a damaged frame whose header claimed what came behind it was skipped with the start in it; its repeat was the first that
-/// the node found.
+/// 600100023: by its header, a damaged frame included the bytes after it, which were skipped with the start in them; the node
+/// found only the repeat.
 #[test]
 fn a_repeat_starts_where_the_start_was_lost_behind_a_damaged_frame() {
     let again = Word::Start { from: 255, again: true, while_disarmed: false };
@@ -85,7 +85,7 @@ fn a_demand_is_that_of_a_frame_and_disarmed_is_idle() {
     assert!(with(&disarmed, &[disarm, (5.0, half)]));
     assert!(!with(&disarmed, &[disarm, (5.0, RUN)]));
     assert!(with(&disarmed, &[(5.0, RUN)]), "the engine stays armed");
-    // A frame before the heartbeat that disarms, in what is read at once (600000005).
+    // A frame before the heartbeat that disarms, among bytes that are read at once (600000005).
     let at_once = [(4.0, DISARMED), (4.5, output(500)), (4.5, DISARMED), (4.6, output(500))];
     assert!(!with(&at_once, &[(4.5, half), disarm]));
     assert!(with(&at_once, &[(4.5, half), disarm, (4.6, half)]));

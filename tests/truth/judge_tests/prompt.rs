@@ -24,7 +24,7 @@ fn ctf_is_on_the_wire_at_once() {
     };
     story(Sent::Ctf).passes();
     story(HALF).breaks(&[Rule::Obeyed]);
-    // Behind another source, or in noise, it need not be.
+    // With another source in control, or in noise, it need not be.
     story(HALF).with(|h| h.noise = Spans::from(&[(41 * SECOND, 42_100 * MS)])).passes();
     assert!(!found(story(HALF).streams(0, 38.0, 45.0, run(500)), Rule::Obeyed));
 }
@@ -57,7 +57,7 @@ fn a_demand_does_not_rise_before_a_set_has_confirmed_the_engine() {
     };
     let rate = |story: Story| found(story, Rule::Rate);
     assert!(!rate(story(500, 43)) && rate(story(520, 43)));
-    // The first reply is that of before; with a second set that confirms it rises.
+    // The first reply is unchanged; with a second set that confirms the engine, the demand rises.
     let confirmed = |h: &mut History| h.frames.retain(|f| !(41 * SECOND..41_200 * MS).contains(&f.at));
     assert!(rate(story(520, 40)) && !rate(story(520, 40).with(confirmed)));
 }
@@ -137,6 +137,6 @@ fn two_engines_start_one_after_the_other() {
     };
     story(1000, 3).passes();
     story(1000, 10).breaks(&[Rule::Ignition]);
-    // One that begins later waits for this one.
+    // A later start waits for this one.
     story(5000, 10).passes();
 }

@@ -29,7 +29,7 @@ fn a_starting_engine_gets_the_throttle_of_a_start() {
     story(600).breaks_beside(&[], &[Rule::Rate]);
 }
 
-/// An ECU that begins again right behind a flame-out has the previous demand, also where damaged frames hid the flame-out.
+/// An ECU that begins again right after a flame-out has the previous demand, even if damaged frames hid the flame-out.
 #[test]
 fn a_start_that_nobody_could_see_beginning_has_the_demand_of_before() {
     let throttled = |noise: [u64; 2]| {
@@ -90,7 +90,7 @@ fn a_lost_demand_does_not_rise() {
     story(49.2).passes();
     story(48.2).breaks(&[Rule::SilentWire]);
     story(46.0).breaks(&[Rule::SilentWire]);
-    // Who is present is not lost.
+    // A source that is present is not lost.
     story(48.2).streams(PILOT, 40.0, 48.0, PilotCommand::Nothing).passes();
 }
 
@@ -205,7 +205,7 @@ fn a_start_of_an_amt_engine_ends_after_its_time() {
     story(10).breaks_beside(&[Rule::Ignition], &[Rule::RunAtRest]);
 }
 
-/// The slew is that of the rpm that is commanded; a governor's throttle has a rate of its own.
+/// The slew applies to the commanded rpm; a governor's throttle has a rate of its own.
 #[test]
 fn a_governors_throttle_has_no_slew() {
     let story = |command| {
@@ -261,7 +261,8 @@ fn a_reply_behind_a_forged_set_lowers_nothing() {
     };
     story(true).breaks_beside(&[Rule::HeldDown], &[]);
     story(false).breaks_beside(&[Rule::HeldDown], &[Rule::Rate]);
-    // A governor begins with what the ECU reports in the second set: what it was sent before the doubt.
+    // A governor begins with the throttle that the ECU reports in the second set, the one sent before the
+    // doubt.
     let governed = |rpm: u32, forged: u64| {
         runs(started(AMT), 60.0)
             .turbine(RUNS as f64, 40.0, Phase::Running, 100_000.0, 500.0)
@@ -311,7 +312,7 @@ fn a_governor_gives_no_more_than_it_may() {
     story(700).breaks(&[Rule::HeldUp]);
     let over = |story: Story| story.judged().rules().contains(&Rule::HeldUp);
     assert!(over(story(700)));
-    // One that forgets what it was commanded continues with the throttle that it finds.
+    // A node that forgets its command continues with the throttle that it finds.
     for (cause, passes) in [(Cause::BrownOut, true), (Cause::Watchdog, false)] {
         let reset = move |at: u64| Reset { down: at, up: at + 100 * MS, cause };
         // Before the frames above the authority, and again and again.
@@ -319,7 +320,7 @@ fn a_governor_gives_no_more_than_it_may() {
             move |h: &mut History| h.resets = (31..60).step_by(5).map(|s| reset(s * SECOND)).collect();
         assert_eq!(over(story(700).with(resets)), !passes, "{cause:?}");
     }
-    // Nor does the previous throttle count that a source has left, while an rpm waits to take over.
+    // The previous throttle of a source that has left does not count either, while an rpm waits to take over.
     let waits = |h: &mut History| {
         let before = |commanded: &mut Commanded| {
             if commanded.at < 51_800 * MS && matches!(commanded.command, PilotCommand::Run(Demanded::Rpm(_)))
@@ -353,7 +354,8 @@ fn what_a_limit_lowered_stays_low_over_a_reset() {
     story(HALF).breaks_beside(&[Rule::Rate], &[Rule::Limit]);
 }
 
-/// A right engine does not stay beyond its limit: it is passed for as long as two values take, and the demand goes down with it.
+/// A correct engine does not stay beyond its limit: it exceeds the limit only for the time of two values, and the demand is
+/// lowered with it.
 #[test]
 fn what_a_limit_lowered_stays_low_when_the_value_is_within_it_again() {
     let story = |passed: f64, rises: f64| {
@@ -368,7 +370,7 @@ fn what_a_limit_lowered_stays_low_when_the_value_is_within_it_again() {
     };
     story(1.2, 60.0).passes();
     story(1.2, 50.0).breaks(&[Rule::Limit]);
-    // One value is none.
+    // One value does not count.
     story(0.3, 50.0).passes();
     // A source's standby ends it.
     story(1.2, 50.0).once(2, 49.0, PilotCommand::Standby).passes();

@@ -12,7 +12,7 @@ fn in_doubt_nothing_goes_out_that_could_start_an_engine() {
             .wire(40.0, 40.2, HALF)
             .wire(again, 70.0, HALF)
     };
-    // Nothing is received of it.
+    // Nothing is received from it.
     let cut = |h: &mut History| h.mute = Spans::from(&[(40 * SECOND, 41 * SECOND)]);
     story(ZK5, 41.5).with(cut).passes();
     story(ZK5, 41.1).with(cut).breaks(&[Rule::Doubt]);
@@ -129,12 +129,12 @@ fn resets_do_not_keep_a_lost_demand_alive() {
     };
     story(46, 0).passes();
     story(60, 0).breaks(&[Rule::SilentWire]);
-    // Without memory nobody counts those before.
+    // Without memory the earlier resets do not count.
     let kept = |until, power_on_at| story(until, power_on_at).judged().rules().contains(&Rule::SilentWire);
     assert!(kept(51, 0) && !kept(51, 44_500) && kept(58, 44_500));
 }
 
-/// A node without memory begins with what its ECU obeys, which is what came to it last.
+/// A node without memory begins with the demand that its ECU obeys, the last one that reached it.
 #[test]
 fn a_node_that_loses_its_memory_late_begins_the_stages_with_what_it_finds() {
     let story = |arrived: bool, cause| {
@@ -235,7 +235,8 @@ fn silence_shuts_an_engine_down_only_where_that_is_configured() {
     story().with(late).streams(PILOT, 40.0, 60.0, PilotCommand::Nothing).passes();
 }
 
-/// Who starts an engine is in control at once: its silence counts from its last command, however soon that was.
+/// A source that starts an engine is in control at once: its silence counts from its last command, however soon
+/// that was.
 #[test]
 fn who_starts_an_engine_is_in_control_at_once() {
     let story = |standby_after| {
@@ -245,7 +246,7 @@ fn who_starts_an_engine_is_in_control_at_once() {
             .mark(5.0, Mark::Ignition)
             .turbine(5.0, 20.0, Phase::FuelRamp, 20_000.0, 400.0)
             .turbine(20.0, 26.1, Phase::Running, 50_000.0, 500.0)
-            // Back, and not yet for as long as it has to be received.
+            // Back, but not yet received for long enough.
             .streams(PILOT, 25.5, 40.0, PilotCommand::Run(Demanded::Throttle(0)))
             .wire(26.0, 40.0, STANDBY)
             .turbine(26.1, 40.0, Phase::Cooling, 5000.0, 300.0)
@@ -255,7 +256,7 @@ fn who_starts_an_engine_is_in_control_at_once() {
     story(Some(30 * SECOND)).breaks(&[Rule::ShutDown]);
 }
 
-/// With error sets only, and a thermocouple that is broken, nothing says that an AMT engine runs: in silence its order ends.
+/// With error sets only, and a broken thermocouple, nothing shows that an AMT engine runs: in silence its order ends.
 #[test]
 fn in_silence_an_engine_that_nothing_shows_is_shut_down() {
     let since = |from: u64, broken: bool| {
@@ -279,7 +280,7 @@ fn in_silence_an_engine_that_nothing_shows_is_shut_down() {
     let story = |broken| since(57, broken);
     story(true).passes();
     story(false).breaks(&[Rule::ShutDown]);
-    // After a reset it is in doubt until a set says that it runs: an error set does not.
+    // After a reset it is in doubt until a set reports that it runs: an error set does not.
     let reset = |from: u64| {
         let again = |h: &mut History| {
             h.resets.push(Reset { down: 38_990 * MS, up: 39 * SECOND, cause: Cause::Watchdog });
@@ -296,7 +297,7 @@ fn in_silence_an_engine_that_nothing_shows_is_shut_down() {
     assert!(!shut_down(38) && shut_down(45));
 }
 
-/// A transmitter that hangs is one until it continues; a reset of the chip frees it, and what was on its way then is lost.
+/// A transmitter hangs until it continues; a reset of the chip frees it, and the bytes in transit then are lost.
 #[test]
 fn a_reset_frees_a_transmitter_that_hangs() {
     let written = |up: f64| {

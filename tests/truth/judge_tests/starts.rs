@@ -1,4 +1,5 @@
-//! Histories by hand for the judge's rules: who may start an engine, and what an engine at rest may be sent.
+//! Histories by hand for the judge's rules: which source may start an engine, and what an engine at rest may
+//! be sent.
 
 use super::*;
 
@@ -8,7 +9,7 @@ fn an_ignition_follows_one_sources_own_standby_and_run_while_armed() {
     let run = PilotCommand::Run(Demanded::Throttle(0));
     let streams = |story: Story| ends(story.streams(PILOT, 4.0, 8.0, run).mark(5.0, Mark::Ignition));
     streams(ready(ZK5)).passes();
-    // Not armed: the command goes to the wire all the same.
+    // Not armed: the command is on the wire nevertheless.
     streams(ready(ZK5).with(|h| h.commanded.retain(|commanded| commanded.command != PilotCommand::Arm)))
         .breaks(&[Rule::Ignition, Rule::RunAtRest]);
     // Another source's standby.
@@ -33,7 +34,7 @@ fn an_ignition_follows_one_sources_own_standby_and_run_while_armed() {
         ),
     )
     .breaks(&[Rule::Ignition, Rule::RunAtRest]);
-    // Its ECU has lost its power just now, or for long enough to see it.
+    // Its ECU has just lost its power, or lost it long enough ago to be seen.
     let off = |from| {
         move |h: &mut History| {
             h.unpowered = Spans::from(&[(from, 4050 * MS)]);
@@ -63,7 +64,7 @@ fn an_ignition_follows_one_sources_own_standby_and_run_while_armed() {
     };
     pump(13).passes();
     pump(12).breaks(&[Rule::Ignition, Rule::RunAtRest]);
-    // One that is not measured.
+    // An exhaust temperature that is not measured.
     let broken = |h: &mut History| h.sensor = Spans::from(&[(0, 8 * SECOND)]);
     streams(ready(ZK5)).with(broken).breaks(&[Rule::Ignition, Rule::RunAtRest]);
 }
@@ -79,7 +80,7 @@ fn a_pair_of_words_gives_one_ignition() {
             .wire(40.5, 44.0, STANDBY)
     };
     story().mark(42.0, Mark::Ignition).breaks(&[Rule::Ignition]);
-    // One that the ECU begins by itself is not an ignition by the node.
+    // An ignition that the ECU begins on its own is not the node's.
     story().mark(42.0, Mark::Relight).passes();
 }
 
@@ -112,7 +113,7 @@ fn a_trip_that_clears_while_the_exhaust_is_hot_cannot_be_seen() {
     let slow =
         |h: &mut History| h.samples.iter_mut().filter(|s| s.fault).for_each(|s| s.egt = 0.7 * s.egt + 210.0);
     story(46.0, false).with(slow).passes();
-    // It acts on what it was sent before the fault cleared, a moment after it too.
+    // It acts on what it was sent before the fault cleared, also for a moment after that.
     let cleared = |last_run: u64| {
         story(43.5, false).with(move |h| {
             let after = h.samples.iter_mut().filter(|s| (micros(42.6)..micros(43.5)).contains(&s.at));
@@ -120,7 +121,8 @@ fn a_trip_that_clears_while_the_exhaust_is_hot_cannot_be_seen() {
             h.frames.retain(|frame| frame.at < last_run);
         })
     };
-    // It shows the fault a moment after the flame went out; what is sent to an ECU that has shown none is no such case.
+    // It reports the fault a moment after the flame went out; run that is sent to an ECU that has reported no fault is
+    // not such a case.
     let shows = |after: u64| {
         story(43.5, false).with(move |h| {
             let before =
@@ -132,7 +134,8 @@ fn a_trip_that_clears_while_the_exhaust_is_hot_cannot_be_seen() {
     shows(200 * MS).breaks(&[Rule::Ignition]);
     cleared(micros(42.6)).passes();
     cleared(micros(43.5)).breaks(&[Rule::Ignition]);
-    // Nor is it the node's that the fall has shown since the last run, or that a standby comes just then.
+    // Nor is it the node's fault that the fall has shown since the last run, or that a standby arrives just
+    // then.
     let unanswered = |last_run: f64, standby: f64| {
         story(46.0, false).wire(standby, standby + 0.01, STANDBY).with(move |h| {
             h.frames.retain(|frame| frame.sent == STANDBY || frame.at < micros(last_run));
@@ -185,7 +188,7 @@ fn behind_a_cut_wire_an_amt_ecu_acts_on_its_last_command() {
         story.judged().rules().contains(&Rule::Ignition)
     };
     assert!(!out(38_000, true) && out(38_000, false));
-    // The cut is over, and error sets get no reply behind it.
+    // The cut is over, and error sets get no reply after it.
     let behind = |faults: bool| {
         let story = story(44.7, true).with(move |h| {
             h.mute = Spans::from(&[(39_900 * MS, 40_900 * MS)]);
@@ -200,7 +203,7 @@ fn behind_a_cut_wire_an_amt_ecu_acts_on_its_last_command() {
     assert!(!behind(true) && behind(false));
 }
 
-/// And while the wire to it is cut, whatever the node sends.
+/// Likewise while the wire to the ECU is cut, whatever the node sends.
 #[test]
 fn what_does_not_reach_an_ecu_does_not_ignite() {
     let story = |cut: bool| {
@@ -225,7 +228,8 @@ fn what_does_not_reach_an_ecu_does_not_ignite() {
     assert_eq!([found(true), found(false)], [0, 1]);
 }
 
-/// An ECU that is powered up with run on its PWM input lights up, and goes out with the first frame.
+/// An ECU that is powered up with run on its PWM input lights its engine, which goes out with the first
+/// frame.
 #[test]
 fn what_the_pwm_input_starts_at_a_power_up_is_not_the_nodes() {
     let story = |sent, signal: bool| {
@@ -244,7 +248,7 @@ fn what_the_pwm_input_starts_at_a_power_up_is_not_the_nodes() {
     story(IDLE, true).breaks_beside(&[Rule::RunAtRest, Rule::Obeyed, Rule::Doubt], &[Rule::Ignition]);
 }
 
-/// Noise makes a command of its own once in a while. What is sent has to be something else.
+/// Noise forms a command now and then. The frames sent have to be different.
 #[test]
 fn what_noise_commands_is_not_the_nodes() {
     let story = |sent, noise: bool| {
@@ -277,7 +281,7 @@ fn a_cancelled_start_does_not_ignite() {
     story(PilotCommand::Arm).passes();
 }
 
-/// Nor does a standby take effect that is below a source which is in control and commands run.
+/// A standby from below a source that is in control and commands run takes no effect.
 #[test]
 fn a_start_is_cancelled_by_its_own_source_unless_a_higher_one_is_in_control() {
     let story = |higher: Option<f64>| {
@@ -303,13 +307,14 @@ fn a_start_is_cancelled_by_its_own_source_unless_a_higher_one_is_in_control() {
     // Its demand is close, so that it takes over as soon as it counts.
     story(Some(6.9)).passes();
     story(None).breaks_beside(&[Rule::Obeyed], &[Rule::Ignition, Rule::RunAtRest]);
-    // One that comes just before is not in control yet, unless the node was reset since it was received before.
+    // A source that appears just before is not in control yet, unless the node was reset since it was last
+    // received.
     story(Some(7.8)).breaks_beside(&[Rule::Obeyed], &[Rule::Ignition, Rule::RunAtRest]);
     let reset = |h: &mut History| {
         h.resets.push(Reset { down: 2 * SECOND, up: 2 * SECOND + 20 * MS, cause: Cause::Watchdog });
     };
     story(Some(7.8)).with(reset).passes();
-    // Or it was never received before.
+    // Or unless it was never received before.
     story(Some(7.8)).with(|h| h.commanded.retain(|c| c.at > SECOND)).passes();
 }
 
@@ -434,7 +439,7 @@ fn a_start_that_waited_is_checked_again_when_it_goes() {
         }
     };
     story().with(stick_up(7 * SECOND)).breaks(&[Rule::Ignition, Rule::RunAtRest]);
-    // It goes between two frames, before the stick is up.
+    // It begins between two frames, before the stick is up.
     story().with(stick_up(micros(9.97))).passes();
     // A disarm at the instant of its first frame cancels it with the next.
     let disarmed_as_it_goes = |h: &mut History| {
@@ -466,7 +471,7 @@ fn an_exhaust_that_falls_ends_the_run_of_an_engine_with_error_sets() {
     };
     story(44.0, false).passes();
     story(50.0, false).breaks(&[Rule::RunAtRest]);
-    // A fall that nobody received is seen from then on.
+    // A fall that was not received is seen from then on.
     let dark = |sent_until| {
         let dark = 39_900 * MS..44 * SECOND;
         let cut = |h: &mut History| {
@@ -476,11 +481,11 @@ fn an_exhaust_that_falls_ends_the_run_of_an_engine_with_error_sets() {
         story(sent_until, false).with(cut).judged().rules().contains(&Rule::RunAtRest)
     };
     assert_eq!([dark(48.5), dark(56.0)], [false, true]);
-    // It may be the lower demand: then it has to be cold, and the thermocouple has to be whole.
+    // The lower demand may be the cause: then the exhaust has to be cold, and the thermocouple intact.
     story(60.0, true).passes();
     story(69.0, true).breaks(&[Rule::RunAtRest]);
     story(69.0, true).with(|h| h.sensor = Spans::from(&[(50 * SECOND, 70 * SECOND)])).passes();
-    // Nor does it prove anything where it was broken before.
+    // It proves nothing either if the thermocouple was broken before.
     story(50.0, false).with(|h| h.sensor = Spans::from(&[(39 * SECOND, 70 * SECOND)])).passes();
     // Once it was broken, a cold value proves nothing before it has been hot.
     story(69.0, true).with(|h| h.sensor = Spans::from(&[(50 * SECOND, 52 * SECOND)])).passes();
@@ -517,7 +522,8 @@ fn a_start_that_is_commanded_as_documented_begins() {
     coasts(1500.0).passes();
 }
 
-/// A brown-out disarms, but who had to disarm first may still have to: that memory can only stop.
+/// A brown-out disarms, but a source that had to disarm first may still have to: such a record can only stop
+/// an engine.
 #[test]
 fn a_brown_out_need_not_forget_who_has_to_disarm_first() {
     let story = |disarms: bool, cause: Cause| {
@@ -537,7 +543,7 @@ fn a_brown_out_need_not_forget_who_has_to_disarm_first() {
     };
     story(false, Cause::BrownOut).passes();
     story(true, Cause::BrownOut).breaks(&[Rule::Granted]);
-    // Without power for longer the memory is gone, and with it who has to disarm.
+    // After a longer time without power the memory is lost, and with it which source has to disarm.
     story(false, Cause::PowerOn).breaks(&[Rule::Granted]);
 }
 
@@ -601,7 +607,7 @@ fn the_pwm_input_is_given_the_engine_on_a_pilots_command() {
     story().once(2, 4.0, PilotCommand::Pwm).breaks(&[Rule::Pwm]);
     let disarmed = |h: &mut History| h.commanded.retain(|commanded| commanded.command != PilotCommand::Arm);
     story().once(PILOT, 4.0, PilotCommand::Pwm).with(disarmed).breaks(&[Rule::Pwm]);
-    // A higher source's standby takes it back, unless a still higher one commands otherwise.
+    // A higher source's standby cancels it, unless a still higher one commands otherwise.
     let taken =
         |pilot: usize| story().once(pilot, 4.0, PilotCommand::Pwm).once(1, 5.0, PilotCommand::Standby);
     let by_third =
@@ -614,7 +620,7 @@ fn the_pwm_input_is_given_the_engine_on_a_pilots_command() {
     story().once(PILOT, 4.0, PilotCommand::Pwm).with(dip).breaks(&[Rule::Pwm]);
 }
 
-/// An engine that burns again on the order of before is sent run no more, although it burns.
+/// An engine that burns again on an earlier order is no longer sent run.
 #[test]
 fn an_engine_that_burns_again_is_not_sent_run() {
     let beside =
@@ -631,18 +637,18 @@ fn an_engine_that_burns_again_is_not_sent_run() {
     };
     again(41.7).breaks_beside(&beside, &[]);
     again(44.0).breaks_beside(&beside, &[Rule::SecondLife]);
-    // Not behind a start of its own.
+    // Not after a start of its own.
     let start = |h: &mut History| {
         let own = [(39_900 * MS, PilotCommand::Standby), (39_950 * MS, run(0))];
         h.commanded.extend(own.map(|(at, command)| Commanded { at, source: PILOT, command }));
     };
     again(44.0).with(start).breaks_beside(&beside, &[]);
-    // Nor is a restart by the ECU without a gap another life.
+    // A restart by the ECU without a gap is not another life either.
     let relit = |h: &mut History| {
         h.marks.iter_mut().filter(|(at, _)| *at > 40 * SECOND).for_each(|(_, m)| *m = Mark::Relight)
     };
     again(44.0).with(relit).breaks_beside(&beside, &[]);
-    // Behind a gap it is.
+    // After a gap it is.
     let cut = |h: &mut History| h.mute = Spans::from(&[(40 * SECOND, 41 * SECOND)]);
     again(44.0).with(relit).with(cut).breaks_beside(&beside, &[Rule::SecondLife]);
     again(42.0).with(relit).with(cut).breaks_beside(&beside, &[]);

@@ -28,7 +28,7 @@ const STANDBY_AT_IDLE: Sends = good(Position::Standby, 0);
 const RUN_AT_IDLE: Sends = good(Position::Run, 0);
 const RUN_AT_HALF: Sends = good(Position::Run, 500);
 
-/// A pilot, the frames of whose receiver this is, and who commands what they say when it counts.
+/// A pilot with the frames of its receiver, which commands what they show when it counts.
 struct Flown {
     story: Story,
     /// From these times on, s.
@@ -94,7 +94,7 @@ const fn run(tenths: u32) -> PilotCommand {
     PilotCommand::Run(Demanded::Throttle(tenths))
 }
 
-/// What is commanded of [`flown`]; a position counts in the fourth frame and 60 ms later, a stick in the second frame.
+/// The commands of [`flown`]; a position counts in the fourth frame and 60 ms later, a stick in the second frame.
 const FLIGHT: [(f64, f64, PilotCommand); 7] = [
     (0.345, 1.515, PilotCommand::Stop),
     (1.585, 2.03, PilotCommand::Nothing),
@@ -105,13 +105,13 @@ const FLIGHT: [(f64, f64, PilotCommand); 7] = [
     (31.02, 40.0, run(500)),
 ];
 
-/// What its wire and its turbine do beside the sticks is not what these are about.
+/// Ignores findings on the wire and the turbine.
 fn findings(story: Story) -> Vec<String> {
     let verdict = story.judged();
     verdict.findings.into_iter().filter(|found| found.rule == Rule::Sticks).map(|found| found.text).collect()
 }
 
-/// A finding says this.
+/// A finding has this text.
 #[track_caller]
 fn speaks(story: Story, text: &str) {
     let found = findings(story);
@@ -123,7 +123,7 @@ fn is_silent(story: Story) {
     assert_eq!(findings(story), [""; 0]);
 }
 
-/// The flight with these in place of what is commanded from then until then.
+/// The flight with these commands in place of its own in an interval.
 fn but(from: f64, to: f64, commands: &[(f64, f64, PilotCommand)]) -> Vec<(f64, f64, PilotCommand)> {
     let mut all = Vec::new();
     for (first, last, command) in FLIGHT {
@@ -179,7 +179,7 @@ fn flagged_frames_do_not_count() {
         is_silent(lost().commands(&but(35.0, 40.0, &[])));
         speaks(lost().commands(&FLIGHT), "do not count");
     }
-    // Behind them, the third frame is the first that counts.
+    // After them, the third frame is the first that counts.
     let back = || flown(40.0).sends(35.0, Some((stick(Position::Run, 0), 8))).sends(36.0, RUN_AT_HALF);
     is_silent(back().commands(&but(35.0, 36.03, &[])));
     speaks(back().commands(&but(35.0, 36.02, &[])), "do not count");
@@ -207,15 +207,15 @@ fn one_frame_says_nothing_alone() {
 
 #[test]
 fn a_start_is_a_move_of_the_switch_with_the_stick_at_idle() {
-    // At run allowed since the power-up.
+    // At run allowed since power-up.
     let found = |commands: &[(f64, f64, PilotCommand)]| {
         flown(40.0).instead(0.0, 0.0, RUN_AT_IDLE).instead(1.5, 1.5, RUN_AT_IDLE).commands(commands)
     };
     let standby = (0.345, 4.08, PilotCommand::Standby);
     is_silent(found(&[standby, (4.08, 40.0, PilotCommand::Standby)]).with(|h| h.frames.clear()));
     speaks(found(&[standby, (4.08, 40.0, run(0))]), "the switch was found at run");
-    // Since a reset nothing was sent: no order is in force, and run asks for an engine that may be running. Standby sent since makes it
-    // a start.
+    // Since a reset nothing was sent: no order is in force, and run is commanded to an engine that may be running. Standby sent
+    // since makes it a start.
     let behind_reset = |sent: &'static [Sent]| {
         let frames = [(6.345, 8.0, run(0))];
         found(&[standby, (4.08, 6.0, PilotCommand::Standby), frames[0]]).with(move |h| {
@@ -256,7 +256,7 @@ fn a_start_is_a_move_of_the_switch_with_the_stick_at_idle() {
     // The same while nothing is received.
     let unseen = flown(40.0).sends(3.2, None).instead(4.0, 3.7, RUN_AT_IDLE);
     speaks(unseen.commands(&but(3.2, 4.06, &[(4.04, 4.05, run(0))])), "the switch was found at run");
-    // A move that is a start, and none is commanded.
+    // A move that is a start, but no start is commanded.
     let standby = but(4.08, 31.02, &[(4.08, 31.02, PilotCommand::Standby)]);
     let none = flown(40.0).commands(&standby).with(|h| {
         h.frames.iter_mut().filter(|frame| frame.sent == IDLE).for_each(|frame| frame.sent = STANDBY);
@@ -303,7 +303,7 @@ fn stop_is_released_and_the_engine_armed_by_a_steady_move_to_standby() {
     assert!(finds_it(0, 30.0));
     let unarmed = but(2.1, 4.01, &[(2.1, 4.01, PilotCommand::Standby)]);
     speaks(flown(40.0).commands(&unarmed), "the engine is to be armed");
-    // A standby that is found.
+    // A standby position that is found.
     let found = flown(40.0).instead(0.0, 0.0, STANDBY_AT_IDLE);
     let present = [(0.345, 1.585, PilotCommand::Nothing)];
     speaks(found.commands(&but(0.0, 1.585, &present)), "has not moved from stop to standby");
@@ -361,7 +361,7 @@ fn a_position_that_is_found_shuts_nothing_down() {
     is_silent(found(stop, PilotCommand::Stop, 36.34));
     speaks(found(stop, PilotCommand::Stop, 36.03), "long enough");
     is_silent(found(RUN_AT_HALF, run(500), 36.03));
-    // In sight it does, at the first frame that counts.
+    // If the move is received it does, at the first frame that counts.
     let moved = |from: f64| {
         let commands = [(35.08, from, PilotCommand::Nothing), (from, 40.0, PilotCommand::Standby)];
         let moved = flown(40.0).sends(35.0, standby).commands(&but(35.01, 40.0, &commands));

@@ -1,4 +1,4 @@
-//! Histories by hand for the judge's rules: stops, fuel and what may be on the wire at all.
+//! Histories by hand for the judge's rules: stops, fuel, and frames that may be on the wire at all.
 
 use super::*;
 
@@ -24,7 +24,7 @@ fn an_engine_that_is_shut_down_goes_out() {
     };
     waits(by_lower(68.1)).passes();
     waits(by_lower(85.0)).breaks(&[Rule::Obeyed]);
-    // One that wanted nothing meanwhile restarts.
+    // The time restarts for a source that commanded nothing meanwhile.
     let again = |until| {
         flight(ZK5, 60.0)
             .streams(2, 60.0, 62.0, PilotCommand::Standby)
@@ -82,7 +82,7 @@ fn a_stop_is_in_every_frame_until_its_release() {
         story(kind, STOP).passes();
         story(kind, STANDBY).breaks(&[Rule::Stop]);
     }
-    // One frame to close the pump is a stop, two of them after each other are not.
+    // One frame to close the pump counts as a stop, two consecutive ones do not.
     let close = |times: f64| {
         let gone = move |h: &mut History| {
             let closes = 45 * SECOND..micros(45.0 + times * 0.05);
@@ -99,7 +99,7 @@ fn a_stop_is_in_every_frame_until_its_release() {
     };
     first(40.0).with(|h| h.frames.retain(|f| f.sent != Sent::Action(13))).passes();
     first(40.1).breaks(&[Rule::Stop]);
-    // Nor before the first of another stop, if a stop was not the last frame before it.
+    // Nor before the first frame of another stop, if a stop was not the last frame before it.
     let again = |between| {
         flight(ZK5, 40.0)
             .once(2, 40.0, PilotCommand::Stop)
@@ -153,7 +153,7 @@ fn a_stop_is_on_the_wire_at_once_and_at_every_slot() {
     };
     story(ZK5, 0.05, 0.6).with(reset).passes();
     story(ZK5, 0.05, 6.0).with(reset).breaks(&[Rule::Stop]);
-    // Nothing leaves a transmitter that hangs. A wire that is cut is another matter: what is sent is on it.
+    // Nothing leaves a transmitter that hangs. With a cut wire, the frames are sent nevertheless.
     let deaf = |h: &mut History| h.deaf = Spans::from(&[(42 * SECOND, 43 * SECOND)]);
     let stall = |h: &mut History| h.stalls = vec![43 * SECOND];
     story(ZK5, 0.05, 1.0).with(deaf).with(stall).passes();
@@ -180,7 +180,7 @@ fn services_that_move_fuel_are_commanded_in_standby_cold_and_armed() {
     story(PilotCommand::Service(5)).with(cooling).breaks(&[Rule::Service]);
     let hot = |h: &mut History| h.samples.iter_mut().for_each(|sample| sample.egt = 130.0);
     story(PilotCommand::Service(5)).with(hot).breaks(&[Rule::Service]);
-    // Behind a higher source that streams commands; a single order to shut down is no stream.
+    // With a higher source that streams commands; a single order to shut down is not a stream.
     let behind = |streams: f64| {
         let long = |h: &mut History| h.rules.ages = [10 * SECOND; 4];
         ready(ZK5)

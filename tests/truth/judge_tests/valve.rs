@@ -79,7 +79,7 @@ fn the_valve_cuts_no_engine_that_is_ordered_to_run() {
     };
     lost(Cause::PowerOn).breaks_beside(&[Rule::Doubt], &[]);
     lost(Cause::Watchdog).breaks_beside(&[Rule::Doubt], &[Rule::CutOff]);
-    // Nor can a node that is reset five times a second, since before the engine runs, know that it does.
+    // Nor can a node know that the engine runs if it has been reset five times a second since before that.
     let in_a_loop = |from: u64, cause, pins: &[(f64, Pin)]| {
         let resets = move |h: &mut History| {
             let downs = (from..=34_990).rev().step_by(200).collect::<Vec<_>>();
@@ -88,14 +88,14 @@ fn the_valve_cuts_no_engine_that_is_ordered_to_run() {
         };
         pin(flight(ZK5, 40.0), pins).with(resets)
     };
-    // What else such a loop breaks is not what this is about.
+    // Other rules that such a loop breaks are not tested here.
     let found = |story: Story| {
         let rules = story.judged().rules().into_iter();
         rules.filter(|rule| [Rule::Valve, Rule::CutOff].contains(rule)).collect::<Vec<_>>()
     };
     assert_eq!(found(in_a_loop(3_000, Cause::BrownOut, &closed)), []);
     assert_eq!(found(in_a_loop(33_000, Cause::BrownOut, &closed)), [Rule::CutOff]);
-    // Nor one that has just lost all that it knew.
+    // Nor one that has just lost its whole memory.
     let erased = |up: f64| {
         let resets = move |h: &mut History| {
             let cause = Cause::PowerOn;
@@ -117,7 +117,7 @@ fn the_valve_cuts_no_engine_that_is_ordered_to_run() {
         verdict.rules().contains(&Rule::CutOff)
     };
     assert_eq!([cut(29), cut(33)], [false, true]);
-    // A loop of resets in which nobody commands ends in standby.
+    // A loop of resets without any command ends in standby.
     let alone = |silent: f64| {
         let quiet = move |h: &mut History| h.commanded.retain(|c| c.at < micros(35.0 - silent));
         in_a_loop(33_000, Cause::BrownOut, &closed).with(quiet)
@@ -183,7 +183,7 @@ fn the_valve_cuts_no_engine_that_is_ordered_to_run() {
     standby(43.0).breaks(&[Rule::CutOff]);
 }
 
-/// The engine is out, and its ECU does not do what is ordered: that closes the valve in standby, and not while run is ordered.
+/// The engine is out, and its ECU does not follow the order: this closes the valve in standby, but not while run is ordered.
 #[test]
 fn valve_of_an_engine_that_is_out_closes_in_standby_only() {
     let out = |ordered: Sent, command: PilotCommand| {
@@ -194,7 +194,7 @@ fn valve_of_an_engine_that_is_out_closes_in_standby_only() {
     };
     assert_eq!(out(HALF, PilotCommand::Run(Demanded::Throttle(500))), 1);
     assert_eq!(out(STANDBY, PilotCommand::Standby), 0);
-    // A lower source that streams standby is no reason; the one in control is.
+    // A lower source that streams standby is not a reason; the one in control is.
     let below = |source: usize| {
         let story = flight(ZK5, 50.0).streams(source, 45.0, 50.0, PilotCommand::Standby);
         let story = story.with(|h| h.samples.retain(|sample| sample.at < 40 * SECOND));
