@@ -1,12 +1,12 @@
-//! What is checked at every run, whatever its test is about.
+//! Checks of every run, whatever its test is about.
 //!
-//! - Nothing was touched that the emulator does not model: it would read 0 where the part does not.
-//! - No fault, no panic, no error in the log, and no reset but the expected ones.
-//! - Every byte took exactly its time at the line's baud rate and stop bits. The emulated UART carries bytes
-//!   at any rate, so nothing else would show a wrong one.
-//! - The pins of every port in use are given to their UART, those of an F-RAM to their SPI. The emulated ones do not look at
-//!   them.
-//! - Each fuel valve is closed 10 ms after a stop, also over resets, opens only with a run that goes out, and cuts no engine that is
+//! - The firmware accessed nothing that the emulator does not model: it would read 0 where the part does not.
+//! - No fault, no panic, no error in the log, and only the expected resets.
+//! - Every byte took exactly its time at the line's baud rate and stop bits. The emulated UART carries
+//!   bytes at any rate, so only this check shows a wrong one.
+//! - The pins of every port in use are assigned to their UART, those of an F-RAM to their SPI. The emulated peripherals
+//!   ignore this.
+//! - Each fuel valve is closed 10 ms after a stop, also over resets, opens only with a run that is sent, and cuts off no engine that is
 //!   ordered to run. Starter and ignition have power from armed until the engine is cold and at rest, also after a stop and over a reset. An
 //!   image without outputs drives none of their pins.
 

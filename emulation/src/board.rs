@@ -1,5 +1,5 @@
-//! The boards as their drawings have them: ports, pins and clocks. Written from the boards' documents and not
-//! from the project's table in `boards/`, so that one mistake is not on both sides; a test compares the two.
+//! The boards by their drawings: ports, pins and clocks. Written from the boards' documents, not from the
+//! project's table in `boards/`, so that a mistake is not on both sides; a test compares the two.
 
 use crate::fram::Fram;
 use core::ops::Range;
@@ -33,7 +33,7 @@ pub struct Port {
     pub before: Before,
 }
 
-/// What a bootloader does with a port's TX.
+/// State of a port's TX in a bootloader.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Before {
     /// Nothing: an input.
@@ -103,7 +103,7 @@ pub struct FramBus {
     pub chip: fn() -> Fram,
 }
 
-/// A UART, and where its registers begin; the same on both parts.
+/// A UART, and the address of its registers; the same on both parts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[expect(missing_docs, reason = "ST's names")]
 pub enum Uart {
@@ -131,7 +131,7 @@ impl Port {
     }
 }
 
-/// Which part is soldered on.
+/// The board's microcontroller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
     /// STM32H743.
@@ -149,17 +149,17 @@ pub struct Board {
     pub title: &'static str,
     /// The part.
     pub part: Part,
-    /// Its crystal in Hz, or what comes in its place.
+    /// Frequency of its crystal, or of the clock in its place, in Hz.
     pub crystal: u64,
-    /// A clock comes in place of the crystal: the oscillator has to be bypassed.
+    /// An external clock replaces the crystal: the oscillator has to be bypassed.
     pub bypass: bool,
-    /// Core clock in Hz. One instruction a cycle is as fast as the part can be.
+    /// Core clock in Hz. One instruction per cycle is the fastest that the part can be.
     pub core_hz: u64,
     /// The ECU ports, in the order of the firmware's table of engines.
     pub ports: &'static [Port],
     /// The port of MAVLink.
     pub telemetry: Port,
-    /// Name of the ECU port that a receiver of radio control is on.
+    /// Name of the ECU port that a receiver of radio control uses.
     pub radio: &'static str,
     /// The UARTs can invert what they receive.
     pub inverts: bool,
@@ -167,9 +167,9 @@ pub struct Board {
     pub outputs: &'static [Output],
     /// Inputs for servo pulses, if it has any.
     pub inputs: Option<Inputs>,
-    /// Divider of the supply, if the firmware can read it.
+    /// Voltage divider of the supply, if the firmware can read it.
     pub divider: Option<Divider>,
-    /// Memory of settings, where it is not in the part.
+    /// Memory of settings, if it is not in the part.
     pub fram: Option<FramBus>,
     /// The status LED.
     pub led: Led,
@@ -177,7 +177,7 @@ pub struct Board {
     pub held: &'static [(char, u8, bool)],
     /// Flash.
     pub flash: Range<u64>,
-    /// Where in it an application begins behind ArduPilot's bootloader (FLASH_BOOTLOADER_LOAD_KB of the board's
+    /// Offset in it of an application behind ArduPilot's bootloader (FLASH_BOOTLOADER_LOAD_KB of the board's
     /// `hwdef-bl.dat`), if there is one for the board.
     pub behind_bootloader: Option<u64>,
     /// The RAM that the firmware uses.
@@ -192,13 +192,13 @@ pub struct Board {
     pub watchdog: u64,
     /// The first backup register.
     pub backup: u64,
-    /// Registers that the firmware writes for the sake of the part, and the emulator does not have.
+    /// Registers that the part needs written, but the emulator does not have.
     pub not_modelled: Range<u64>,
     /// Offset of a UART's first control register.
     pub control_register: u64,
-    /// Offset of the register that received bytes are read from.
+    /// Offset of the register with received bytes.
     pub receive_register: u64,
-    /// Offset of the register that bytes to be sent are written to.
+    /// Offset of the register for bytes to send.
     pub transmit_register: u64,
 }
 
@@ -212,7 +212,7 @@ impl Board {
         all.find(|port| port.name == name).unwrap_or_else(|| panic!("{} has no port {name}", self.name))
     }
 
-    /// The first board of its part, which runs every image; the others run what is flashed.
+    /// Whether it is the first board of its part, which runs every image; the others run the release image.
     pub fn is_first_of_its_part(&self) -> bool {
         let first = BOARDS.into_iter().find(|board| board.part == self.part);
         first.is_some_and(|first| first.name == self.name)
@@ -265,7 +265,7 @@ const TIM4: Inputs =
 const TIM1: Inputs =
     Inputs { timer: Timer::Tim1, pins: [pin('E', 9, 1), pin('E', 11, 1), pin('E', 13, 1), pin('E', 14, 1)] };
 
-/// What the boards with an H743 share, as the Matek has it.
+/// Values shared by the boards with an H743, as on the Matek.
 const H743: Board = Board {
     name: "matek-h743",
     title: "Matek H743-WING",
@@ -407,7 +407,7 @@ pub static PIXHAWK_6C: Board = Board {
     ],
     inputs: None,
     divider: None,
-    // Its size is not known: 32 KiB or more are what ArduPilot stores.
+    // Its size is unknown: ArduPilot stores 32 KiB or more.
     fram: Some(FramBus {
         pins: [pin('D', 3, 5), pin('C', 2, 5), pin('C', 3, 5)],
         select: ('D', 4),

@@ -1,13 +1,13 @@
-//! A stand-in for an ArduPilot bootloader, or PX4's: instructions that leave the part as the real one leaves it, and jump as
-//! the real one jumps. Written from Tools/AP_Bootloader (`bl_protocol.cpp`, `AP_Bootloader.cpp`), from ChibiOS as that
-//! uses it, and from the reference manuals; assembled here, so that a test chooses what is left behind.
+//! A stand-in for an ArduPilot bootloader, or PX4's: instructions that leave the part in the same state and jump in the same
+//! way as the real one. Written from Tools/AP_Bootloader (`bl_protocol.cpp`, `AP_Bootloader.cpp`), from ChibiOS as that uses
+//! it, and from the reference manuals; assembled here, so that a test can choose the state left behind.
 //!
 //! PX4's: PX4-Autopilot, `platforms/nuttx/src/bootloader/common/bl.c` (`jump_to_app`) and `stm/stm32_common/main.c`
 //! (`clock_deinit`, `board_deinit`, `arch_do_jump`), `boards/px4/fmu-v6c/nuttx-config/bootloader/defconfig`; for an F427
 //! PX4-Bootloader, `bl.c` and `main_f4.c`.
 //!
-//! Not modelled: what the real bootloader does before its jump (USB, its own LED), and the 5 s for which it waits for
-//! an upload, unless [`Bootloader::decides`] is set.
+//! Not modelled: actions of the real bootloader before its jump (USB, its own LED), and its wait of 5 s for an
+//! upload, unless [`Bootloader::decides`] is set.
 
 use crate::board::{Board, Part};
 
@@ -33,11 +33,11 @@ pub enum Leftover {
     ProcessStack,
     /// SysTick counts, interrupts, and runs out a few microseconds after the jump.
     SysTick,
-    /// PendSV is pending. Only behind PRIMASK; else the bootloader's own handler would have taken it.
+    /// PendSV is pending. Only with PRIMASK set; otherwise the bootloader's own handler would have taken it.
     PendSv,
-    /// Two interrupts of peripherals are enabled and pending, one of them forever. Only behind PRIMASK.
+    /// Two peripheral interrupts are enabled and pending, one of them forever. Only with PRIMASK set.
     Interrupts,
-    /// Every interrupt has the lowest priority; only a start that sets them all is the same as after a reset.
+    /// Every interrupt has the lowest priority: the start has to set them all to be the same as after a reset.
     Priorities,
     /// A timer's interrupt is enabled, and the timer runs out a few milliseconds after the jump.
     LiveTimer,
@@ -51,18 +51,18 @@ pub enum Leftover {
     Watchdog,
     /// The independent watchdog runs, and its largest prescaler has just been written.
     WatchdogCrossing,
-    /// VTOR is still the bootloader's: not ArduPilot's, but ST's own loader after a "leave".
+    /// VTOR is still the bootloader's: ArduPilot's does not leave it so, but ST's own loader does after a "leave".
     Vtor,
-    /// PX4's: the core is back on the internal oscillator, the PLLs and the crystal are off, the dividers of the buses and the
-    /// flash's wait states are not put back (`clock_deinit`).
+    /// PX4's: the core is back on the internal oscillator, the PLLs and the crystal are off, the bus dividers and the flash's
+    /// wait states are not restored (`clock_deinit`).
     HalfResetClocks,
-    /// PX4's: AHB1ENR is 0, or what a reset leaves there; on an F427 no GPIO port has a clock (`board_deinit`).
+    /// PX4's: AHB1ENR is 0, or its reset value; on an F427 no GPIO port has a clock (`board_deinit`).
     BusClocksOff,
-    /// PX4's: the floating-point unit is on and in use, and an interrupt does not save its registers: NuttX, which does that
-    /// itself, clears ASPEN and LSPEN (`stm32_fpuconfig` in NuttX's stm32h7/stm32_start.c).
+    /// PX4's: the floating-point unit is on and in use, and interrupts do not save its registers: NuttX saves them itself
+    /// and clears ASPEN and LSPEN (`stm32_fpuconfig` in NuttX's stm32h7/stm32_start.c).
     Fpu,
-    /// The floating-point unit was used and is off again, with its state still to be saved (CONTROL.FPCA is 1). No bootloader is
-    /// known to leave it so; a start must not depend on that.
+    /// The floating-point unit was used and is off again, with its state still to be saved (CONTROL.FPCA is 1). No known
+    /// bootloader leaves this; a start must not depend on that.
     FpuOff,
     /// PX4's: the instruction cache is on (H743).
     InstructionCache,
@@ -75,11 +75,11 @@ pub enum Leftover {
 pub struct Bootloader {
     /// Its jump.
     pub jump: Jump,
-    /// What it leaves.
+    /// The state that it leaves.
     pub leaves: Vec<Leftover>,
-    /// It looks at the cause of the reset and at the first backup register as the real one does: a reset by the
-    /// watchdog and `RTC_BOOT_FAST` let it jump at once, anything else after 5 s. Before that its start-up has reset
-    /// the backup domain, if the clock of the RTC there is not the one that it wants.
+    /// It checks the cause of the reset and the first backup register like the real one: after a watchdog reset or
+    /// with `RTC_BOOT_FAST` it jumps at once, otherwise after 5 s. Before that, its start-up resets the backup
+    /// domain if the RTC's clock is not the wanted one.
     pub decides: bool,
 }
 
@@ -91,7 +91,7 @@ impl Default for Bootloader {
 }
 
 impl Leftover {
-    /// What the present bootloader leaves, and more: all that goes together.
+    /// The state left by the present bootloader, and more: everything that is compatible.
     pub const ALL: [Self; 14] = [
         Self::Primask,
         Self::Basepri,
@@ -109,8 +109,8 @@ impl Leftover {
         Self::FpuOff,
     ];
 
-    /// What PX4's leaves. NuttX sets all priorities to 0x80; the lowest are worse. Whether its threads run on the process
-    /// stack depends on its version.
+    /// The state left by PX4's. NuttX sets all priorities to 0x80; the lowest are a harder test. Whether its threads run
+    /// on the process stack depends on its version.
     pub const PX4: [Self; 7] = [
         Self::HalfResetClocks,
         Self::BusClocksOff,
@@ -129,8 +129,8 @@ pub const WAIT_MS: u64 = 5000;
 pub const BOOT_FAST: u32 = 0xB007_0002;
 
 impl Bootloader {
-    /// Its table and instructions, to lie at `at`, for an application whose table is at `table` and begins with these
-    /// two words.
+    /// Its vector table and instructions, to be placed at `at`, for an application whose vector table is at `table`
+    /// and begins with these two words.
     pub(crate) fn assemble(&self, board: &Board, at: u64, table: u64, jump: [u32; 2]) -> Vec<u8> {
         let mut code = Code::default();
         let registers = Registers::of(board.part);
@@ -190,7 +190,7 @@ impl Bootloader {
             code.write(NVIC_ISER + 4 * (interrupt / 32), 1 << (interrupt % 32));
         }
         if leaves(Leftover::Watchdog) {
-            // 10 counts of 4 periods of its 32 kHz: a start that takes it over late is too late.
+            // 10 counts of 4 periods of its 32 kHz: the start has to take it over in time.
             let watchdog = board.watchdog as u32;
             code.write(watchdog, 0xCCCC);
             code.write(watchdog, 0x5555);
@@ -275,7 +275,7 @@ impl Bootloader {
         code.msr(0, MSP);
         code.push(&[0x4708]); // bx r1
 
-        // The bootloader's own table: its stack, its start, and for everything else a handler that stays where it is.
+        // The bootloader's own table: its stack, its start, and for everything else a handler that loops.
         let end = entry(at) + 2 * code.0.len() as u32;
         let mut words = vec![registers.own_stack, entry(at)];
         words.resize(TABLE_WORDS as usize, end);
@@ -286,7 +286,7 @@ impl Bootloader {
     }
 }
 
-/// Where a bootloader at `at` begins, as its table says it.
+/// Start address of a bootloader at `at`, from its table.
 pub(crate) const fn entry(at: u64) -> u32 {
     (at as u32 + 4 * TABLE_WORDS) | 1
 }
@@ -299,7 +299,7 @@ struct Registers {
     /// The register with the causes of the reset, and the watchdog's flag in it.
     reset_cause: u32,
     watchdog_flag: u32,
-    /// RCC_BDCR, its bit that resets the backup domain, and what RTCSEL has to be.
+    /// RCC_BDCR, its bit that resets the backup domain, and the wanted RTCSEL.
     backup_control: u32,
     backup_reset: u32,
     wanted: u32,
@@ -338,7 +338,7 @@ impl Registers {
     }
 }
 
-/// What ChibiOS's start-up and the bootloader's `main` do: the backup domain, then at once or 5 s later.
+/// ChibiOS's start-up and the bootloader's `main`: the backup domain, then the jump at once or after 5 s.
 fn decide(code: &mut Code, board: &Board, registers: &Registers) {
     if board.part == Part::F427 {
         code.modify(registers.apb1_enable, 1 << 28, 0); // PWREN
@@ -346,7 +346,7 @@ fn decide(code: &mut Code, board: &Board, registers: &Registers) {
         code.modify(registers.rcc + 0xF4, 1 << 16, 0); // RTCAPBEN
     }
     code.modify(registers.power, 1 << 8, 0); // DBP
-    // hal_lld_backup_domain_init(): another clock than its own means a reset of the domain.
+    // hal_lld_backup_domain_init(): with another clock than its own, it resets the domain.
     code.load(registers.backup_control);
     code.set(2, 0x300);
     code.push(&[0x4011]); // ands r1, r2
@@ -360,7 +360,7 @@ fn decide(code: &mut Code, board: &Board, registers: &Registers) {
     if registers.wanted != 0 {
         code.modify(registers.backup_control, registers.wanted | 1 << 15, 0);
     }
-    // r4: the word. set_fast_reboot(RTC_BOOT_OFF) takes it away; set_rtc_backup() turns RTCEN on first.
+    // r4: the word. set_fast_reboot(RTC_BOOT_OFF) clears it; set_rtc_backup() first turns RTCEN on.
     code.load(board.backup as u32);
     code.push(&[0x460C]); // mov r4, r1
     code.modify(registers.backup_control, 1 << 15, 0);
@@ -375,7 +375,7 @@ fn decide(code: &mut Code, board: &Board, registers: &Registers) {
     code.push(&[0x4011]); // ands r1, r2
     code.push(&[0x4291]); // cmp r1, r2
     code.if_equal(|code| code.set(5, 0));
-    // Waits by SysTick, asleep. The emulator counts it at the core's rate, whatever the clock tree: 20 ms fit its 24 bits.
+    // Waits asleep, timed by SysTick. The emulator counts it at the core's rate, whatever the clock tree: 20 ms fit its 24 bits.
     code.push(&[0x2D00]); // cmp r5, #0
     code.unless_equal(|code| {
         code.push(&[0xB672]); // cpsid i: SysTick wakes, and has no handler
@@ -503,7 +503,7 @@ impl Code {
         self.push(&[0x6001]);
     }
 
-    /// Until all of these bits are set.
+    /// Loops until all of these bits are set.
     fn wait(&mut self, address: u32, bits: u32) {
         self.set(0, address);
         self.set(2, bits);
@@ -512,7 +512,7 @@ impl Code {
         self.branch_back_unless_equal(top);
     }
 
-    /// Until none of these bits is set.
+    /// Loops until none of these bits is set.
     fn wait_clear(&mut self, address: u32, bits: u32) {
         self.set(0, address);
         self.set(2, bits);
@@ -527,7 +527,7 @@ impl Code {
         self.push(&[0xD100 | (0x100 - back as u16)]);
     }
 
-    /// Skips what follows, by its condition, unless the flags say otherwise.
+    /// Skips `body` by this conditional branch, depending on the flags.
     fn skip(&mut self, opcode: u16, body: impl FnOnce(&mut Self)) {
         let at = self.0.len();
         self.push(&[0]);

@@ -1,5 +1,5 @@
-//! The emulated part with what is connected to its UARTs: rigless's bench of the part, our ECUs in place of its own
-//! far ends, and the watchdog that one part lacks.
+//! The emulated part and the devices on its UARTs: rigless's bench of the part, our ECUs in place of its own far
+//! ends, and the watchdog that one part lacks.
 
 use core::ops::Range;
 use rigless::chip::Placed;
@@ -22,7 +22,7 @@ use crate::pulses::PulseReceiver;
 use crate::quirks::{DeadRegulator, Iwdg, Rtc, Stuck};
 use crate::wire::Wire;
 
-/// Where rigless has SPI2 of either part.
+/// rigless's index of SPI2 on either part.
 const SPI2: usize = 1;
 
 const GPIO_PORTS: [&str; 5] = ["GPIOA", "GPIOB", "GPIOC", "GPIOD", "GPIOE"];
@@ -57,15 +57,15 @@ fn place_of(part: Part, uart: Uart) -> usize {
 pub struct Chip {
     part: Bench,
     iwdg: Iwdg,
-    /// Where the part's description has a watchdog without a model.
+    /// Index of a watchdog without a model in the part's description.
     iwdg_slot: Option<usize>,
     rtc: Rtc,
     /// The same of the real-time clock.
     rtc_slot: Option<usize>,
-    /// Index of the power controller, which a dead one may replace.
+    /// Index of the power controller, which a defective one may replace.
     pwr_slot: usize,
     dead_regulator: DeadRegulator,
-    /// What never gets ready until the next reset.
+    /// Hardware that never becomes ready until the next reset.
     pub stuck: Option<Stuck>,
 }
 
@@ -113,7 +113,7 @@ pub struct Rig {
     instructions_per_second: u64,
     /// UARTs with an ECU.
     wired: Vec<Uart>,
-    /// A receiver with servo pulses, and where its wires are.
+    /// A receiver with servo pulses, and its wires.
     pulses: Option<(PulseReceiver, Inputs)>,
     /// The crystal does not start.
     pub dead_crystal: bool,
@@ -176,7 +176,7 @@ impl Rig {
         macro_rules! attach {
             ($spi:expr, $chip:ident) => {{
                 let pin = $chip::gpio::Pin::new(number).expect("a port has sixteen pins");
-                // The bench's own cannot be taken off, but is not on the bus while it is silent.
+                // The bench's own device cannot be removed, but does not use the bus while it is silent.
                 let _ = $spi.silence(0, true);
                 if let Some(fram) = fram {
                     $spi.attach_selected(fram, $chip::spi::Select { port, pin, active: Level::Low });
@@ -225,7 +225,7 @@ impl Rig {
         self.pulses.as_mut().map(|(receiver, _)| receiver)
     }
 
-    /// Puts a level on an input for servo pulses: on its pin, and on the timer's channel if the pin is given to it.
+    /// Puts a level on an input for servo pulses: on its pin, and on the timer's channel if the pin is assigned to it.
     fn drive_input(&mut self, at: VirtualNanos, inputs: Inputs, channel: usize, high: bool) {
         let (pin, level) = (inputs.pins[channel], Level::from(high));
         let port = usize::from(pin.port as u8 - b'A');
@@ -283,14 +283,14 @@ impl Rig {
         }
     }
 
-    /// When a far end next has something to do, after `now`.
+    /// Time of the next action of a far end, after `now`.
     pub fn next(&mut self, now: u64) -> Option<u64> {
         let mut next = None;
         self.wires(|wire| next = next.into_iter().chain(wire.next(now)).min());
         next.into_iter().chain(self.pulses.as_ref().map(|(receiver, _)| receiver.next())).min()
     }
 
-    /// Cuts a wire, or mends it.
+    /// Cuts or mends a wire.
     pub fn cut(&mut self, uart: Uart, cut: bool) {
         let at = place_of(self.kind, uart);
         let _ = each!(&mut self.chip.part, b => b.mcu.usart[at].silence(cut));
@@ -299,20 +299,20 @@ impl Rig {
         }
     }
 
-    /// What garbles the bytes on their way to the board.
+    /// Noise on the bytes to the board.
     pub fn errors(&mut self, uart: Uart) -> &mut Errors {
         let at = place_of(self.kind, uart);
         each!(&mut self.chip.part, b => b.mcu.usart[at].errors_mut())
     }
 
-    /// Where single bytes can be lost or changed on their way to the board.
+    /// Loss or change of single bytes on their way to the board.
     pub fn place(&mut self, uart: Uart) -> Option<&mut dyn Placed> {
         let at = place_of(self.kind, uart);
         each!(&mut self.chip.part, b => b.mcu.usart[at].place_mut())
     }
 
-    /// The watchdog's registers take as long as they may to cross over: on an H743 six periods of the LSI, times the
-    /// prescaler; on an F427 rigless's five periods, of the slowest LSI.
+    /// Makes the watchdog's registers take the longest allowed time to cross over: on an H743 six LSI periods, times
+    /// the prescaler; on an F427 rigless's five periods, of the slowest LSI.
     pub fn slow_watchdog(&mut self) {
         self.chip.iwdg.slow = true;
         if let Bench::F427(bench) = &mut self.chip.part {
@@ -320,12 +320,12 @@ impl Rig {
         }
     }
 
-    /// The flag of a brown-out reset (BORRSTF in RCC_RSR; RCC_CSR of an F427) is set: rigless has no such reset.
+    /// Sets the flag of a brown-out reset (BORRSTF in RCC_RSR; RCC_CSR of an F427): rigless has no such reset.
     pub fn flag_brown_out(&mut self) {
         self.flag_reset(21, 25);
     }
 
-    /// The flag of a power-on (PORRSTF) is set.
+    /// Sets the flag of a power-on (PORRSTF).
     pub fn flag_power_on(&mut self) {
         self.flag_reset(23, 27);
     }

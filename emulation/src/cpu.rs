@@ -1,10 +1,10 @@
-//! The processor, with regions of its MPU that make it faster and change nothing else.
+//! The processor, with additional MPU regions that only make it faster.
 //!
-//! Translated code reaches a page of memory by itself only where a region of the MPU grants every access to it, or the MPU is off; each
-//! access to any other page is checked on its own, which takes 40 to 50 % of the time of a run. The firmware has one region, the
-//! guard below its stack (`src/board/guard.rs`), and leaves the rest to the default map, which grants every access to privileged code
-//! alone. All of the firmware is privileged. So once the guard is armed, the rest of flash and RAM gets regions that grant
-//! everything: the same accesses fail, and each instruction takes the same time.
+//! Translated code accesses a page of memory directly only if an MPU region grants every access to it, or the MPU is off; every access
+//! to another page is checked individually, which takes 40 to 50 % of the time of a run. The firmware has one region, the guard below
+//! its stack (`src/board/guard.rs`), and leaves the rest to the default map, which grants every access to privileged code only. All of
+//! the firmware is privileged. So once the guard is armed, the rest of flash and RAM gets regions that grant everything: the same
+//! accesses fail, and each instruction takes the same time.
 #![allow(unsafe_code)]
 
 use core::ops::Range;
@@ -20,7 +20,7 @@ const RNR: u64 = 0xE000_ED98;
 const RBAR: u64 = 0xE000_ED9C;
 const RASR: u64 = 0xE000_EDA0;
 
-/// On, with the default map behind the regions, for privileged code.
+/// On, with the default map outside the regions, for privileged code.
 const ON: u64 = 1 << 2 | 1;
 /// A region with every access granted, and code.
 const FULL_ACCESS: u64 = 0b011 << 24;
@@ -120,7 +120,7 @@ impl Processor for Cpu {
         self.part.reset();
     }
 
-    // All else is the part's.
+    // The part handles everything else.
 
     fn retired(&self) -> u64 {
         self.part.retired()

@@ -1,5 +1,5 @@
-//! The ECUs that belong to the firmware's tables of engines (`src/config.rs`), with their lines. Written down again
-//! and not read from there, so that a difference is found.
+//! The ECUs that belong to the firmware's tables of engines (`src/config.rs`), with their lines. A separate copy,
+//! not read from there, so that a difference is found.
 
 use crate::board::Board;
 use crate::image::Image;
@@ -24,7 +24,7 @@ pub enum Protocol {
 pub struct Engine {
     /// Its name in the firmware's log.
     pub name: &'static str,
-    /// The board's port it is on.
+    /// The board's port that it uses.
     pub port: &'static str,
     /// Its line.
     pub line: Line,
@@ -38,7 +38,7 @@ impl Engine {
         Box::new(self.config().ecu())
     }
 
-    /// The same, with a turbine that is started within 5 s: to have engines that run, soon.
+    /// The same, with a turbine that starts within 5 s, so that engines run soon.
     pub fn quick_ecu(&self) -> Box<dyn Far> {
         let mut config = self.config();
         let turbine = config.turbine_mut();

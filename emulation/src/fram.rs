@@ -1,7 +1,7 @@
 //! An F-RAM on SPI, from its data sheet (FM25V01A, Cypress, 128 kbit: commands, status register, identification), in the
 //! place where a board has one.
 //!
-//! Left out: FSTRD and SLEEP, which the firmware has no use for, the pins WP and HOLD, the time after power-up.
+//! Left out: FSTRD and SLEEP, which the firmware does not use, the pins WP and HOLD, the time after power-up.
 
 use rigless::chip::Timeline;
 use rigless::chip::spi::Peer;
@@ -19,10 +19,10 @@ const RDID: u8 = 0x9F;
 const WEL: u8 = 1 << 1;
 /// Blocks are protected: the upper quarter, the upper half, all.
 const BP: u8 = 0b11 << 2;
-/// What a WRSR changes: the protection, and WPEN.
+/// Bits that a WRSR changes: the protection, and WPEN.
 const WRITABLE: u8 = 1 << 7 | BP;
 
-/// The chip. It keeps its memory over a reset of the board and without a supply.
+/// The chip. Its memory survives a reset of the board and a loss of the supply.
 #[derive(Clone, Debug)]
 pub struct Fram {
     id: [u8; 9],
@@ -34,7 +34,7 @@ pub struct Fram {
     command: Vec<u8>,
     /// Number of bytes that were written.
     pub written: usize,
-    /// Commands that it does not know, and writes that were not enabled or are protected.
+    /// Number of unknown commands, and of writes that were not enabled or are protected.
     pub ignored: Vec<u8>,
 }
 
@@ -66,7 +66,7 @@ impl Fram {
         Self { id, ..self }
     }
 
-    /// The same chip with somebody else's data.
+    /// The same chip with foreign data.
     pub fn used(mut self) -> Self {
         self.memory.iter_mut().enumerate().for_each(|(at, byte)| *byte = (at * 7 + at / 256) as u8);
         self
@@ -88,7 +88,7 @@ impl Fram {
         Self { status: self.status & !WEL, command: Vec::new(), ..self }
     }
 
-    /// Whether the memory of the two is the same.
+    /// Whether the memory of both is the same.
     pub fn holds_the_same(&self, other: &Self) -> bool {
         self.memory == other.memory
     }

@@ -1,4 +1,4 @@
-//! The firmware images: which there are, where their files are, and the message for a missing one.
+//! The firmware images: their list, their files, and the message for a missing one.
 
 use crate::board::{Board, NUCLEO_H743ZI2};
 use std::io::Write;
@@ -15,7 +15,7 @@ pub enum Image {
     AllPorts,
     /// With a task that hangs after 5 s (feature `wedge`).
     Wedge,
-    /// With an ECU that the last port plays (feature `play-ecu`); for the Nucleo only.
+    /// With an ECU simulated on the last port (feature `play-ecu`); for the Nucleo only.
     PlayEcu,
     /// Linked behind an ArduPilot bootloader (feature `ardupilot-bootloader`).
     Ardupilot,
@@ -23,13 +23,13 @@ pub enum Image {
     SelfTest,
     /// With a CRSF receiver and outputs for valves and power (feature `radio-crsf`).
     RadioCrsf,
-    /// With servo pulses on the board's inputs for them, and outputs on what is left (feature `radio-pwm`).
+    /// With servo pulses on the board's inputs for them, and outputs on the remaining pins (feature `radio-pwm`).
     RadioPwm,
     /// With an SBUS receiver and outputs for valves and power (feature `outputs`).
     Outputs,
     /// With MAVLink on USB (feature `usb`).
     Usb,
-    /// With the supply voltage by the board's divider (feature `supply`).
+    /// With the supply voltage measured by the board's divider (feature `supply`).
     Supply,
 }
 
@@ -50,7 +50,7 @@ impl Image {
         Self::Supply,
     ];
 
-    /// The feature that makes it, besides the board's.
+    /// The feature that selects it, besides the board's.
     pub const fn feature(self) -> Option<&'static str> {
         match self {
             Self::Release => None,
@@ -73,8 +73,8 @@ impl Image {
         matches!(self, Self::RadioCrsf | Self::RadioPwm | Self::Outputs)
     }
 
-    /// The outputs of a board that it may drive, by number: engine i has its fuel valve on the i-th of them, and behind all valves come the
-    /// powers of starter and ignition, as far as there are any. What the last engine has is energised by the low level.
+    /// The outputs of a board that it may drive, by number: engine i has its fuel valve on the i-th of them, and after all valves come the
+    /// powers of starter and ignition, as far as there are outputs. Those of the last engine are energised by the low level.
     pub fn outputs(self, board: &Board) -> Vec<usize> {
         let inputs = board.inputs.iter().filter(|_| self == Self::RadioPwm).flat_map(|inputs| inputs.pins);
         let inputs: Vec<_> = inputs.map(|pin| (pin.port, pin.number)).collect();
@@ -82,7 +82,7 @@ impl Image {
         (0..board.outputs.len()).filter(|_| self.has_outputs()).filter(free).collect()
     }
 
-    /// Those of a board: all of them for the first board of a part, what is flashed for the others.
+    /// The images of a board: all of them for the first board of a part, the release image for the others.
     pub fn of(board: &Board) -> impl Iterator<Item = Self> {
         let every = board.is_first_of_its_part();
         let has_bootloader = board.behind_bootloader.is_some();
@@ -95,10 +95,10 @@ impl Image {
         })
     }
 
-    /// Where in the flash it begins.
+    /// Its start address in the flash.
     ///
     /// # Panics
-    /// If it is to be behind a bootloader that the board does not have.
+    /// If it needs a bootloader that the board does not have.
     pub fn start(self, board: &Board) -> u64 {
         match self {
             Self::Ardupilot => board.behind_bootloader.expect("a bootloader"),
@@ -140,7 +140,7 @@ impl Image {
     }
 }
 
-/// Where the images are: `JETLINK_IMAGES`, else where `cargo emu` puts them.
+/// Folder of the images: `JETLINK_IMAGES`, otherwise the output of `cargo emu`.
 pub fn folder() -> PathBuf {
     std::env::var_os("JETLINK_IMAGES")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("target").join("images"), PathBuf::from)
@@ -151,12 +151,12 @@ pub fn symbol(image: &[u8], name: &str) -> Option<u64> {
     rigless::symbols::Symbols::read(image, |value| value & !1).ok()?.get(name).ok()
 }
 
-/// The address of the symbol of an image that ends so; a mangled name begins with what changes at every build.
+/// The address of the symbol with this ending; the beginning of a mangled name changes at every build.
 pub fn symbol_ending(image: &[u8], end: &str) -> Option<u64> {
     let word =
         |at: usize| u32::from_le_bytes([image[at], image[at + 1], image[at + 2], image[at + 3]]) as usize;
     let half = |at: usize| usize::from(u16::from_le_bytes([image[at], image[at + 1]]));
-    // ELF32: the section headers' place, size and count; in each, kind, place, length and the section of its names.
+    // ELF32: offset, size and count of the section headers; in each, kind, offset, length and the section of its names.
     let header = |i: usize| word(32) + i * half(46);
     let table = (0..half(48)).map(header).find(|&at| word(at + 4) == 2)?;
     let names = word(header(word(table + 24)) + 16);
@@ -179,7 +179,7 @@ pub(crate) fn patch(elf: &mut [u8], address: u64, halfwords: &[u16]) {
     }
 }
 
-/// The first two words of a vector table: initial stack and where the firmware starts.
+/// The first two words of a vector table: initial stack and start address of the firmware.
 ///
 /// # Panics
 /// If nothing of the image lies there.
@@ -188,11 +188,11 @@ pub(crate) fn vectors(elf: &[u8], table: u64) -> [u32; 2] {
     [at, at + 4].map(|at| u32::from_le_bytes([elf[at], elf[at + 1], elf[at + 2], elf[at + 3]]))
 }
 
-/// Where in the file the bytes for an address of the flash are.
+/// Offset in the file of the bytes for an address of the flash.
 fn offset(elf: &[u8], address: u64) -> usize {
     let word = |at: usize| u32::from_le_bytes([elf[at], elf[at + 1], elf[at + 2], elf[at + 3]]) as u64;
     let half = |at: usize| usize::from(u16::from_le_bytes([elf[at], elf[at + 1]]));
-    // ELF32: the program headers' place, size and count; in each, where its bytes are and where they go.
+    // ELF32: offset, size and count of the program headers; in each, the offset and the target address of its bytes.
     let headers = (0..half(44)).map(|i| word(28) as usize + i * half(42));
     let mut segments = headers.map(|at| (word(at + 4), word(at + 12), word(at + 16)));
     let (file, physical, _) =

@@ -19,18 +19,18 @@
 //!
 //! - [`board`]: the boards, their ports, pins and clocks.
 //! - [`bootloader`]: a substitute for the board's bootloader, for images that are linked behind one.
-//! - [`image`]: which images there are, and where.
-//! - [`run`]: one run: its setup, and its course.
+//! - [`image`]: the images and their files.
+//! - [`run`]: a run: its setup, and its course.
 //! - [`pins`]: the levels of pins over a run.
 //! - [`report`]: the record of a run.
-//! - [`audit`]: what is checked at every run.
+//! - [`audit`]: the checks of every run.
 //! - [`fram`]: the memory of settings of the boards that have one.
 //! - [`receiver`]: a receiver of radio control, in place of an ECU.
 //! - [`pulses`]: one with servo pulses, on the board's inputs for them.
-//! - [`recording`]: what is sent in four named runs, to compare two states of the firmware.
+//! - [`recording`]: the bytes sent in four named runs, to compare two states of the firmware.
 //! - [`turnaround`]: how long a reply takes.
-//! - `wire`, `chip`, `quirks`, `log`, `valves`: the far end of a UART, the emulated part, what the emulator needs help
-//!   with, the firmware's log, and what the audit says of fuel valves.
+//! - `wire`, `chip`, `quirks`, `log`, `valves`: the far end of a UART, the emulated part, workarounds for the
+//!   emulator, the firmware's log, and the audit of fuel valves.
 
 #![deny(missing_docs, unsafe_code)]
 

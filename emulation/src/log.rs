@@ -1,4 +1,4 @@
-//! The firmware's log: taken from its RTT buffer as a debug probe does, turned into text.
+//! The firmware's log: taken from its RTT buffer as by a debug probe, and decoded to text.
 
 use defmt_decoder::Table;
 use rigless::emulator::Host;
@@ -15,16 +15,16 @@ pub struct Log {
     pub text: String,
 }
 
-/// RTT's up-channel 0 within its control block: behind 16 bytes of name and two counts. Then come name,
+/// Offset of RTT's up-channel 0 in its control block, after 16 bytes of name and two counts. It has name,
 /// buffer, size, write offset and read offset.
 const UP: u64 = 24;
 
-/// Where the write offset of RTT's up-channel 0 is: a store there is a log line, or part of one.
+/// Address of the write offset of RTT's up-channel 0: a store there is a log line, or part of one.
 pub const fn write_offset(block: u64) -> u64 {
     UP + 12 + block
 }
 
-/// Takes what is in the buffer, through the emulated memory.
+/// Takes the bytes in the buffer, through the emulated memory.
 pub fn drain(block: u64, host: &mut dyn Host) -> Vec<u8> {
     let mut word = |offset: u64| host.read(block + UP + offset, Width::W32).unwrap_or(0);
     let (buffer, size, write, mut read) = (word(4), word(8), word(12), word(16));
@@ -40,7 +40,7 @@ pub fn drain(block: u64, host: &mut dyn Host) -> Vec<u8> {
     bytes
 }
 
-/// Decodes bytes to lines. Skips what a reset has cut off.
+/// Decodes bytes to lines. Skips frames that a reset has cut off.
 pub fn decode(table: &Table, chunks: &[(u64, Vec<u8>)]) -> Vec<Log> {
     let mut logs = Vec::new();
     let mut decoder = table.new_stream_decoder();

@@ -7,7 +7,7 @@ use sim::ecu::Nanos;
 /// Level of a pin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Level {
-    /// It is an input: what hangs on it decides.
+    /// It is an input: the connected circuit decides.
     Floats,
     /// Driven low.
     Low,
@@ -26,7 +26,7 @@ pub(crate) fn registers(board: &Board) -> Vec<u64> {
     ports.into_iter().flat_map(|port| REGISTERS.map(|register| port + register)).collect()
 }
 
-/// Where the registers of a GPIO port begin.
+/// Address of the registers of a GPIO port.
 fn port(board: &Board, name: char) -> u64 {
     board.gpio + 0x400 * u64::from(name as u8 - b'A')
 }
@@ -75,13 +75,13 @@ impl Pin {
         Self(history)
     }
 
-    /// With these changes of its level.
+    /// A history with these changes of level.
     #[cfg(test)]
     pub(crate) const fn from_levels(levels: Vec<(Nanos, Level)>) -> Self {
         Self(levels)
     }
 
-    /// When it was driven first.
+    /// Time at which it was first driven.
     pub fn driven(&self) -> Option<Nanos> {
         self.0.iter().find(|(_, level)| *level != Level::Floats).map(|(at, _)| *at)
     }

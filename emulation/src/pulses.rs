@@ -29,9 +29,9 @@ pub struct PulseReceiver {
     pub period: Nanos,
     /// Width in µs of the pulses on channel 3.
     pub third: u16,
-    /// Whether the wire of each channel is connected. Without it the pull-down of the board makes the line low.
+    /// Whether the wire of each channel is connected. Otherwise the board's pull-down makes the line low.
     pub wires: [bool; CHANNELS],
-    /// On the wire of channel 4, an edge every so long in place of pulses.
+    /// Interval of edges on the wire of channel 4, in place of pulses.
     pub noise: Option<Nanos>,
 }
 
@@ -57,12 +57,12 @@ impl PulseReceiver {
         }
     }
 
-    /// When the next edge comes.
+    /// Time of the next edge.
     pub(crate) fn next(&self) -> Nanos {
         self.edges.front().map_or(self.next, |edge| edge.0)
     }
 
-    /// The levels that wires got until now.
+    /// The changes of level on the wires until now.
     pub(crate) fn advance(&mut self, now: Nanos) -> Vec<(usize, bool)> {
         let mut levels = Vec::new();
         while self.next() <= now {

@@ -1,4 +1,4 @@
-//! Where the emulator (rigless 0.4.0) needs help to run this firmware. All of it is here, none in the firmware.
+//! Workarounds that the emulator (rigless 0.4.0) needs to run this firmware. All of them are here, none in the firmware.
 //!
 //! 1. **Timers flag a match that the parts do not flag.** A write of 0 to the counter of a stopped timer, and
 //!    a software update (`EGR.UG`), flag every compare channel whose register holds that value too, and after
@@ -45,7 +45,7 @@ impl TimerFlags {
         Self { timers: timers.map(|timer| (timer.base + Self::EGR, timer.base)).collect() }
     }
 
-    /// To be called after every write to a register.
+    /// Call it after every write to a register.
     pub fn after_write(&self, part: &mut impl Operate, at: VirtualNanos, address: u64) {
         let Some(timer) = self.timers.get(&address) else { return };
         let stopped = part.peek(at, timer + Self::CR1, Width::W32).is_ok_and(|cr1| cr1 & 1 == 0);
@@ -179,7 +179,7 @@ impl BackupDomain {
     const BDRST: u64 = 1 << 16;
     const BKP0R: u64 = 0x5800_4050;
 
-    /// To be called after every write to a register.
+    /// Call it after every write to a register.
     pub fn after_write(part: &mut impl Operate, at: VirtualNanos, address: u64, value: u64) {
         if address == Self::BDCR && value & Self::BDRST != 0 {
             for register in 0..32 {
@@ -224,7 +224,7 @@ impl DeadEnable {
         }
     }
 
-    /// To be called after every write to a register.
+    /// Call it after every write to a register.
     pub fn after_write(self, part: &mut impl Operate, at: VirtualNanos, address: u64, value: u64) {
         if address == self.register && value & self.bit != 0 {
             let _ = part.write(at, self.register, Width::W32, value & !self.bit);

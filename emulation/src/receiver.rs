@@ -48,7 +48,7 @@ impl Receiver {
         }
     }
 
-    /// What it sends now.
+    /// Frame that it sends now.
     pub fn frame(&self) -> Vec<u8> {
         let mut channels = sim::receiver::channels(self.stick * 10, self.switch);
         for (number, pulse) in &self.others {

@@ -1,10 +1,10 @@
-//! What the firmware sends on each port in four named runs, as text: `cargo emu-record` writes it, `cargo emu-compare`
-//! runs the same again and compares. A change that is meant to change nothing has to leave every byte, in the same
-//! order and at the same time.
+//! The bytes that the firmware sends on each port in four named runs, as text: `cargo emu-record` writes them, `cargo
+//! emu-compare` repeats the runs and compares. After a refactoring every byte has to be the same, in the same order
+//! and at the same time.
 //!
 //! A recording is one text file for each run, one line for each byte: port, end of its last stop bit in µs, byte in hex.
-//! Lines that begin with `#` say what was run. The runs touch the firmware only from outside (wires, supply, reset
-//! pin, watchdog), so that they do not depend on a name in it.
+//! Lines that begin with `#` describe the run. The runs touch the firmware only from outside (wires, supply, reset pin,
+//! watchdog), so that they do not depend on a name in it.
 
 use crate::board::{Board, MATEK_H743, PIXRACER};
 use crate::image::Image;
@@ -13,7 +13,7 @@ use sim::ecu::{MILLIS, SECOND};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-/// Shift of a byte that is still the same moment, in µs.
+/// Largest shift of a byte that counts as the same time, in µs.
 pub const MOST_SHIFT: u64 = 100;
 
 /// A run that is recorded.
@@ -134,15 +134,15 @@ pub struct Sent {
     pub byte: u8,
 }
 
-/// What was sent on each port, in the order of time.
+/// Bytes sent on each port, in the order of time.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Recording(BTreeMap<String, Vec<Sent>>);
 
 impl NamedRun {
-    /// Runs it and gives what was sent.
+    /// Runs it and returns the bytes sent.
     ///
     /// # Errors
-    /// What [`audit`](crate::audit) finds.
+    /// Everything that [`audit`](crate::audit) finds.
     pub fn record(&self) -> Result<Recording, String> {
         let run = (self.make)(Run::new(self.board, self.image));
         let (report, complaints) = run.with_errors().go_unchecked();
@@ -156,7 +156,7 @@ impl NamedRun {
         Ok(Recording(sent.collect()))
     }
 
-    /// The file that a recording of it is in.
+    /// The file of its recording.
     pub fn file(&self) -> String {
         format!("{}.txt", self.name)
     }
@@ -175,12 +175,12 @@ impl NamedRun {
 }
 
 impl Recording {
-    /// From what was sent on each port.
+    /// From the bytes sent on each port.
     pub fn new<'a>(ports: impl IntoIterator<Item = (&'a str, Vec<Sent>)>) -> Self {
         Self(ports.into_iter().map(|(port, sent)| (port.to_owned(), sent)).collect())
     }
 
-    /// How many bytes, on all ports.
+    /// Number of bytes on all ports.
     pub fn bytes(&self) -> usize {
         self.0.values().map(Vec::len).sum()
     }
@@ -199,7 +199,7 @@ impl Recording {
     /// From its text.
     ///
     /// # Errors
-    /// The first line that is not one of a recording.
+    /// The first line that does not belong to a recording.
     pub fn parse(text: &str) -> Result<Self, String> {
         let mut recording = Self::default();
         let lines = text.lines().enumerate().filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
@@ -230,7 +230,7 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Of what was sent before with what is sent now.
+    /// Compares the earlier recording with the present one.
     pub fn of(before: &Recording, now: &Recording) -> Self {
         let mut result = Self { difference: None, shift: 0, shifted: String::new() };
         let mut first = u64::MAX;

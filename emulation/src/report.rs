@@ -32,7 +32,7 @@ pub struct Written {
     pub at: Nanos,
     /// The register.
     pub register: u64,
-    /// What.
+    /// The value.
     pub value: u64,
 }
 
@@ -52,7 +52,7 @@ pub struct Report {
     pub logs: Vec<Log>,
     /// The core's accesses to the tapped UARTs.
     pub taps: Vec<Tap>,
-    /// What the core wrote to the recorded registers.
+    /// The core's writes to the recorded registers.
     pub written: Vec<Written>,
     pub(crate) pins_written: Vec<Written>,
     /// When the core passed each watched label.
@@ -63,7 +63,7 @@ pub struct Report {
     pub faults: Vec<Nanos>,
     /// When the run ended.
     pub at: Nanos,
-    /// Instructions in all. A core that sleeps executes none.
+    /// Total number of instructions. A sleeping core executes none.
     pub instructions: u64,
 }
 

@@ -27,7 +27,7 @@ use crate::report::{Report, Tap, Written};
 use crate::wire::{Far, Wire};
 use crate::{audit, bootloader, engines, image, pins};
 
-/// Number of resets beyond those that are expected after which a run is given up.
+/// Number of unexpected resets after which a run is aborted.
 const MOST_RESETS: usize = 6;
 
 type Act = Box<dyn FnOnce(&mut Bench<'_>) + Send>;
@@ -161,7 +161,7 @@ impl Run {
         self
     }
 
-    /// How many instructions the core does in a second; by default one in each cycle of its clock.
+    /// Instructions per second of the core; by default one per clock cycle.
     pub fn instructions_per_second(mut self, rate: u64) -> Self {
         self.instructions_per_second = rate;
         self
@@ -191,14 +191,14 @@ impl Run {
         self
     }
 
-    /// The watchdog's registers take as long as they may to cross over into its own clock.
+    /// Makes the watchdog's registers take the longest allowed time to cross over into its own clock.
     pub fn slow_watchdog(mut self) -> Self {
         self.slow_watchdog = true;
         self
     }
 
-    /// What starts the image in place of a reset. By default, an image that is linked behind a bootloader has one that
-    /// leaves nothing, and any other has none.
+    /// Bootloader that starts the image in place of a reset. By default, an image linked behind a bootloader has one
+    /// that leaves nothing, and any other has none.
     pub fn bootloader(mut self, bootloader: Bootloader) -> Self {
         self.bootloader = Some(bootloader);
         self
@@ -258,8 +258,8 @@ impl Run {
         };
         if let Some(bootloader) = bootloader {
             let jump = image::vectors(&bytes, table_at);
-            // The part starts at the beginning of the flash, at every reset. Where the image has that place itself, its
-            // own first words lead to what lies at the end of the flash.
+            // The part starts at the beginning of the flash, at every reset. If the image itself is there, its own
+            // first words lead to the code at the end of the flash.
             let mut at = board.flash.start;
             if table_at == at {
                 at = board.flash.end - 0x4000;
@@ -416,7 +416,7 @@ impl Bench<'_> {
         self.wire(port).power(now, on);
     }
 
-    /// An ECU sends these bytes over and over without any pause; with `None` its own again.
+    /// An ECU sends these bytes repeatedly without a pause; with `None`, its own again.
     pub fn babble(&mut self, port: &str, bytes: Option<&[u8]>) {
         let now = self.now;
         self.wire(port).babble(now, bytes);
@@ -429,7 +429,7 @@ impl Bench<'_> {
         (errors.seed, errors.noise.name, errors.noise.per_million) = (uart as u64 + 1, "noise", per_million);
     }
 
-    /// Flips bits of this number of bytes per million on their way to the board, and takes their stop bit away.
+    /// Flips bits of this number of bytes per million on their way to the board, and removes their stop bit.
     pub fn framing(&mut self, port: &str, per_million: u32) {
         let uart = self.uart(port);
         let errors = self.session.board_mut().errors(uart);
@@ -468,12 +468,12 @@ impl Bench<'_> {
         self.session.board_mut().dead_crystal = false;
     }
 
-    /// The firmware waits for this in vain, until the part is reset.
+    /// Makes this never become ready, until the part is reset.
     pub fn jam(&mut self, stuck: Stuck) {
         self.session.board_mut().chip.stuck = Some(stuck);
     }
 
-    /// Sets the supply's voltage, in mV. The emulator resets at none.
+    /// Sets the supply's voltage, in mV. The emulator does not reset at any voltage.
     pub fn supply(&mut self, millivolts: u32) {
         self.session.board_mut().supply(millivolts);
     }
@@ -483,13 +483,13 @@ impl Bench<'_> {
         self.session.reset_by_pin(VirtualNanos(self.now), self.instructions, self.host);
     }
 
-    /// The supply dips, so that the part is reset and its RAM is left as it was.
+    /// The supply dips: the part is reset, and its RAM stays unchanged.
     pub fn brown_out(&mut self) {
         self.session.board_mut().flag_brown_out();
         self.press_reset();
     }
 
-    /// The supply goes and comes back. The RAM is left as it was: the test overwrites it.
+    /// The supply is switched off and on. The RAM stays unchanged: the test overwrites it.
     pub fn power_on(&mut self) {
         self.session.board_mut().flag_power_on();
         self.press_reset();
@@ -521,7 +521,7 @@ impl Bench<'_> {
     }
 }
 
-/// Most that a run in real time hurries to make up for.
+/// Largest delay for which a run in real time catches up.
 const MADE_UP: std::time::Duration = std::time::Duration::from_millis(50);
 
 /// In real time, with the log on the terminal.
@@ -535,7 +535,7 @@ impl Live {
     /// Prints the complete lines.
     fn print(&mut self, at: Nanos, bytes: &[u8]) {
         self.bytes.extend(bytes);
-        // Frames are closed with a zero byte each; what is behind the last one waits.
+        // Each frame ends with a zero byte; bytes after the last one wait.
         let Some(end) = self.bytes.iter().rposition(|&byte| byte == 0) else { return };
         let complete: Vec<u8> = self.bytes.drain(..=end).collect();
         for log in log::decode(&self.table, &[(at, complete)]) {
@@ -543,8 +543,8 @@ impl Live {
         }
     }
 
-    /// Waits until the wall clock has caught up. A run that fell far behind does not hurry to make up for it: to its peers, which
-    /// have the wall clock, the board's clock would run fast, and frames of an autopilot would be late by all that time.
+    /// Waits until the wall clock has caught up. A run that fell far behind does not catch up: for its peers, which use the wall
+    /// clock, the board's clock would run fast, and frames of an autopilot would be late by that time.
     fn pace(&mut self, at: Nanos) {
         let due = self.began + std::time::Duration::from_nanos(at);
         let now = std::time::Instant::now();
@@ -635,7 +635,7 @@ impl Driver<Rig> for Hand {
                 Some(&label) => self.passed.push((hit.at.0, label)),
                 None => self.faults.push(hit.at.0),
             },
-            // What a far end received at this stop may make it act sooner than it announced before.
+            // Bytes received at this stop may make a far end act sooner than announced.
             Settled::Stop(stop) => {
                 let next = self.next(stop.at.0.saturating_sub(1), session);
                 session.run_until(next);

@@ -11,7 +11,7 @@ pub struct Turnaround {
     pub frame_end: Nanos,
     /// From there to the start bit of the reply.
     pub ns: Nanos,
-    /// The same in instructions: how many the core can do in this time, whatever it did them for.
+    /// The same in instructions: the number that the core can execute in this time, for any purpose.
     pub slots: u64,
     /// Instructions from the read of the frame's last byte to the write of the reply's first.
     pub instructions: u64,

@@ -1,6 +1,6 @@
-//! The fuel valve of each engine, and the power of its starter and ignition, against what goes out on its wire and what its turbine does, at
-//! every run. An image without outputs drives none of their pins. Where the outputs are is written down again here
-//! and not read from the firmware, so that a difference is found.
+//! The fuel valve of each engine, and the power of its starter and ignition, checked against the commands on its wire and its turbine, at
+//! every run. An image without outputs drives none of their pins. The outputs' pins are a separate copy here, not read from the firmware, so
+//! that a difference is found.
 
 use crate::engines::{self, Protocol};
 use crate::image::Image;
@@ -18,17 +18,17 @@ const CLOSED_WITHIN: Nanos = 10 * MILLIS;
 const ON_ITS_WAY: Nanos = 50 * MILLIS;
 /// From a reset until the pins are driven.
 const DRIVEN_WITHIN: Nanos = 20 * MILLIS;
-/// An ECU is received that long after the valve opened for it, at the latest.
+/// Longest time after the valve opened for an ECU until that ECU is received.
 const RUN_WITHIN: Nanos = SECOND;
 
-/// From a reset until a stop that is commanded again can be on a wire: a receiver has to hold it for 0.3 s.
+/// Shortest time from a reset until a newly commanded stop can be on a wire: a receiver has to hold it for 0.3 s.
 const COMMANDED: Nanos = 300 * MILLIS;
-/// Time of reports of an engine that is cold and at rest until its starter loses its power.
+/// Time for which an engine has to be reported cold and at rest until its starter loses its power.
 const COLD_FOR: Nanos = 2_900 * MILLIS;
-/// The same until it has lost it for sure, where the ECU reports.
+/// The same until it has certainly lost it, if the ECU reports.
 const OFF_WITHIN: Nanos = 6 * SECOND;
 
-/// A switch that went out on a wire.
+/// A switch sent on a wire.
 #[derive(Clone, Copy, Debug)]
 struct Sent {
     start: Nanos,
@@ -36,7 +36,7 @@ struct Sent {
     switch: Switch,
 }
 
-/// Everything that is wrong. `errors`: the firmware fails as its test wants it to, and may close a valve for that.
+/// Everything that is wrong. `errors`: the test makes the firmware fail, which may close a valve.
 pub(crate) fn complaints(report: &Report, errors: bool) -> Vec<String> {
     let pins = || (0..report.board.outputs.len()).map(|number| Pin::output(report, number));
     if !report.image.has_outputs() {
@@ -70,13 +70,13 @@ pub(crate) fn complaints(report: &Report, errors: bool) -> Vec<String> {
     complaints
 }
 
-/// When each burst of an ECU ended that the board received.
+/// End of each burst of an ECU that the board received.
 fn reports(wire: &Wire) -> Vec<Nanos> {
     let received = wire.rx.iter().filter(|rx| rx.last && rx.fate == crate::wire::Fate::Received);
     received.map(|rx| rx.end).collect()
 }
 
-/// When something was received first by which somebody can arm an engine.
+/// First time at which a source that can arm an engine was received.
 fn first_command(report: &Report) -> Option<Nanos> {
     if report.image == Image::RadioPwm {
         return Some(0);
@@ -119,7 +119,7 @@ fn wrong(
     let mut wrong = Vec::new();
     let changes = pin.changes(0..end);
     let opens = || changes.iter().filter(|(_, level)| *level == energised).map(|(at, _)| *at);
-    // A stop closes it, and nothing opens it until another order goes out, a reset neither.
+    // A stop closes it, and nothing, not even a reset, opens it until another order is sent.
     let stops = |i: usize| sent[i].switch == Switch::Stop;
     for first in (0..sent.len()).filter(|&i| stops(i) && (i == 0 || !stops(i - 1))) {
         let closed = sent[first].end + CLOSED_WITHIN;
@@ -131,11 +131,11 @@ fn wrong(
             wrong.push(format!("opens at {at} ns, and stop is sent since {} ns", sent[first].end));
         }
     }
-    // It opens with a run that goes out, and after a reset where it was open before.
+    // It opens with a run that is sent, and after a reset if it was open before.
     for at in opens() {
         let reset = resets.iter().rev().find(|reset| (**reset..**reset + DRIVEN_WITHIN).contains(&at));
         let restored = reset.is_some_and(|reset| pin.at(reset - 1) == energised);
-        // What was composed before may still go out.
+        // A frame composed before may still be sent.
         let before = |sent: &Sent| sent.switch != Switch::Run && sent.start < at + ON_ITS_WAY;
         let next = sent.iter().find(|sent| sent.end + ON_ITS_WAY > at && !before(sent));
         let runs = next.is_some_and(|next| next.switch == Switch::Run && next.start < at + RUN_WITHIN);
@@ -143,7 +143,7 @@ fn wrong(
             wrong.push(format!("opens at {at} ns, and no run goes out"));
         }
     }
-    // It cuts no engine that is ordered to run.
+    // It cuts off no engine that is ordered to run.
     for pair in changes.windows(2) {
         let [(_, before), (at, level)] = [pair[0], pair[1]];
         if before != energised || level == Level::Floats || errors {
@@ -158,7 +158,7 @@ fn wrong(
     wrong
 }
 
-/// What is known of an engine whose starter and ignition have power, or have not.
+/// Facts about an engine whose starter and ignition are checked for power.
 #[derive(Clone, Debug)]
 struct Known {
     sent: Vec<Sent>,
@@ -166,7 +166,7 @@ struct Known {
     cold: Vec<(Nanos, bool)>,
     /// When its ECU was received.
     received: Vec<Nanos>,
-    /// When something was received first by which somebody can arm it.
+    /// First time at which a source that can arm it was received.
     commands: Option<Nanos>,
     resets: Vec<Nanos>,
     end: Nanos,
@@ -179,7 +179,7 @@ impl Known {
         first && self.cold.iter().all(|(at, cold)| *cold || !(from..to).contains(at))
     }
 
-    /// Whether it is not for a moment at least.
+    /// Whether it is not, at least for a moment.
     fn is_busy(&self, from: Nanos, to: Nanos) -> bool {
         self.cold.iter().rfind(|(at, _)| *at <= to).is_some_and(|(since, cold)| !*cold || *since > from)
     }
@@ -208,7 +208,7 @@ fn wrong_power(pin: &Pin, energised: Level, known: &Known) -> Vec<String> {
     let mut wrong = Vec::new();
     let Known { sent, resets, end, .. } = known;
     let is_off = |at| ![energised, Level::Floats].contains(&pin.at(at));
-    // Run finds it on.
+    // It is on when run is sent.
     let unpowered = |sent: &&Sent| {
         let at = sent.end + CLOSED_WITHIN;
         sent.switch == Switch::Run && at < *end && known.reset_at(at).is_none() && is_off(at)
@@ -246,7 +246,7 @@ fn wrong_power(pin: &Pin, energised: Level, known: &Known) -> Vec<String> {
             }
         }
     }
-    // A stop disarms: what is cold then has no power.
+    // A stop disarms: a cold engine then has no power.
     let mut since = None;
     for sent in sent {
         let stop = sent.switch == Switch::Stop;
@@ -286,7 +286,7 @@ mod tests {
         sent
     }
 
-    /// What is found with these levels, in ms, where stop follows on a flight that begins at 2 s.
+    /// Findings with these levels, in ms, when a stop ends a flight that begins at 2 s.
     fn found(levels: &[(u64, Level)], resets: &[u64], errors: bool) -> String {
         let sent = sent(&[(1, Switch::Standby), (2, Switch::Run), (10, Switch::Stop)]);
         let resets: Vec<_> = resets.iter().map(|at| at * MILLIS).collect();
@@ -304,7 +304,7 @@ mod tests {
         );
     }
 
-    /// 50 times a second: one to two frames are on their way.
+    /// 50 frames a second: one or two are on their way.
     #[test]
     fn a_valve_that_opens_before_the_first_run_of_a_fast_wire_is_right() {
         let sent = sent_every(20 * MILLIS, &[(1, Switch::Standby), (2, Switch::Run)]);
@@ -325,7 +325,7 @@ mod tests {
     #[test]
     fn one_that_opens_without_a_run_is_found() {
         assert!(found(&[(500, OPEN), (10_005, SHUT)], &[], false).contains("no run goes out"));
-        // A reset opens none that was closed.
+        // A reset does not open a closed valve.
         let reset = [(1_200, Level::Floats), (1_203, OPEN), (10_005, SHUT)];
         assert!(found(&reset, &[1_200], false).contains("no run goes out"));
     }
@@ -337,8 +337,8 @@ mod tests {
         assert_eq!(found(&cut, &[], true), "");
     }
 
-    /// What is found of a starter with these levels, in ms: its engine is armed, flies from 2 s on and is stopped at 10 s; it is cold until
-    /// 3 s, and from the given second on.
+    /// Findings about a starter with these levels, in ms: its engine is armed, flies from 2 s on and is stopped at 10 s; it is cold until 3
+    /// s, and from the given second on.
     fn power(levels: &[(u64, Level)], cold: u64, resets: &[u64]) -> String {
         let known = Known {
             sent: sent(&[(1, Switch::Standby), (2, Switch::Run), (10, Switch::Stop)]),
@@ -361,7 +361,7 @@ mod tests {
         assert_eq!(power(&[ARMED], 16, &[]), "");
         let reset = [ARMED, (11_000, Level::Floats), (11_003, OPEN), (15_100, SHUT)];
         assert_eq!(power(&reset, 12, &[11_000]), "");
-        // A stop has it on after a reset, whatever was before.
+        // After a reset, a stop switches it on, whatever it was before.
         let latched = [ARMED, (15_100, SHUT), (17_000, Level::Floats), (17_003, OPEN)];
         assert_eq!(power(&latched, 12, &[17_000]), "");
     }

@@ -1,7 +1,7 @@
 //! The far end of one UART: an ECU of `sim`, virtual time in, timed bytes out, and a record of every byte.
 //!
 //! The emulated UART times every byte itself, at the rate that the firmware has set it to, and requests the
-//! next one when a byte is over. So a wrong rate garbles nothing here; it shows in the record, where
+//! next one when a byte ends. So a wrong rate garbles nothing here; it shows only in the record, where
 //! [`audit`](crate::audit) finds it.
 
 use std::any::Any;
@@ -71,7 +71,7 @@ pub struct Wire {
     line: Line,
     head_start: Nanos,
     queue: VecDeque<Queued>,
-    /// When everything queued is out.
+    /// Time at which everything queued has been sent.
     free_at: Nanos,
     on_the_line: Option<Rx>,
     pub(crate) cut: bool,
@@ -90,7 +90,7 @@ pub struct Wire {
 }
 
 impl Wire {
-    /// An ECU that is switched on `head_start` before the board is.
+    /// An ECU that is switched on `head_start` before the board.
     pub fn new(ecu: Box<dyn Far>, line: Line, head_start: Nanos) -> Self {
         let mut wire = Self {
             ecu,
@@ -108,7 +108,7 @@ impl Wire {
             rx: Vec::new(),
             tx: Vec::new(),
         };
-        // What it sent before the board had power was not received.
+        // Bytes sent before the board had power were not received.
         let mut discarded = Vec::new();
         wire.ecu.advance(0, &mut discarded);
         while wire.ecu.next_wake() < head_start {
@@ -122,7 +122,7 @@ impl Wire {
         Self::new(Box::new(Nobody), Line::n1(2400), 0)
     }
 
-    /// This wire hangs on a part that has a byte after its first stop bit.
+    /// This wire is connected to a part that accepts a byte after its first stop bit.
     pub(crate) fn requested_early(&mut self) {
         if self.line.stop_bits == StopBits::Two {
             self.second_stop_bit = 1_000_000_000 / u64::from(self.line.baud);
@@ -163,7 +163,7 @@ impl Wire {
         self.free_at = now;
     }
 
-    /// From now on the ECU sends these bytes over and over without any pause, instead of its own; with `None`
+    /// From now on the ECU sends these bytes repeatedly without a pause, in place of its own; with `None`,
     /// its own again.
     pub(crate) fn babble(&mut self, now: Nanos, bytes: Option<&[u8]>) {
         self.babble = bytes.map(|bytes| bytes.iter().copied().collect());
@@ -176,7 +176,7 @@ impl Wire {
         self.garble = (per_million, seed);
     }
 
-    /// Keeps no record, for a run without an end.
+    /// Keeps no record, for an endless run.
     pub(crate) fn forget(&mut self) {
         self.recording = false;
     }
@@ -186,7 +186,7 @@ impl Wire {
     pub(crate) fn next(&self, now: Nanos) -> Option<Nanos> {
         let front = self.queue.front().filter(|_| self.on_the_line.is_none());
         let byte = front.map(|queued| queued.due).filter(|&due| due > now);
-        // A stop comes a few ns late while the core is busy, so what is overdue still needs one.
+        // A stop comes a few ns late while the core is busy, so overdue bytes still need one.
         let wake = self.wake().map(|at| at.max(now + 1));
         byte.into_iter().chain(wake).min()
     }
@@ -223,7 +223,7 @@ impl Wire {
         }
     }
 
-    /// Looks whether the engine is cold and at rest, with the resolution of a report.
+    /// Checks whether the engine is cold and at rest, with the resolution of a report.
     fn look(&mut self, now: Nanos) {
         let ecu: &dyn Any = &*self.ecu;
         let ecu = ecu.downcast_ref().map_or(ecu, AnyEcu::inner);
@@ -239,8 +239,8 @@ impl Wire {
     fn push(&mut self, now: Nanos, bytes: &[u8]) {
         let start = self.free_at.max(now);
         for (i, &byte) in bytes.iter().enumerate() {
-            // The UART requests at the end of each byte by its own rate, which may be a trifle faster than the
-            // ECU's: 2 % of a byte earlier is due what follows without a gap.
+            // The UART requests a byte at the end of each byte by its own rate, which may be slightly faster
+            // than the ECU's: a byte that follows without a gap is due 2 % of a byte time earlier.
             let early = if i == 0 { 0 } else { self.line.byte_ns(1) / 50 };
             let due = start + self.line.byte_ns(i as u64) - early;
             self.queue.push_back(Queued { due, byte, last: i + 1 == bytes.len() });
@@ -248,8 +248,8 @@ impl Wire {
         self.free_at = start + self.line.byte_ns(bytes.len() as u64);
     }
 
-    /// Bytes that were sent while nobody asked: the F4's UART does not while it is off. The line does not keep them. Half a bit late
-    /// is not missed: a stop comes a little late while the core is busy.
+    /// Bytes sent without a request: the F4's UART makes none while it is off. The line does not keep them. Half a bit late is not
+    /// missed: a stop comes a little late while the core is busy.
     fn skip_missed(&mut self, now: Nanos) {
         let half_a_bit = self.line.byte_ns(1) / 20;
         while let Some(&Queued { due, byte: value, last }) = self.queue.front()
@@ -290,7 +290,7 @@ impl uart::Peer for Wire {
         self.over(timeline.now().0, Fate::Lost);
     }
 
-    /// Asked for the next byte: when the receiver is free, and at every stop of the run.
+    /// The UART requests the next byte: when the receiver is free, and at every stop of the run.
     fn transmit(&mut self, now: VirtualNanos) -> Option<u16> {
         let now = now.0;
         if let Some(rx) = self.on_the_line {

@@ -1,6 +1,6 @@
-//! MAVLink of the images against pymavlink, an implementation from elsewhere: in real time, with a script of `host/tests/mavlink` at the
-//! telemetry UART's TCP port. `board.py` flies the release image by `cargo emu-run`; `board_signing.py` an image with signing, whose
-//! key is in its F-RAM.
+//! MAVLink of the images against pymavlink, an independent implementation: in real time, with a script of `host/tests/mavlink` at the
+//! telemetry UART's TCP port. `board.py` flies the release image by `cargo emu-run`; `board_signing.py` an image with signing, whose key
+//! is in its F-RAM.
 #![cfg(unix)]
 
 #[path = "../../host/tests/support/process.rs"]
@@ -29,13 +29,13 @@ fn interpreter() -> Option<PathBuf> {
     }
 }
 
-/// A port that nobody uses at the moment.
+/// A port that is not in use.
 fn free_port() -> u16 {
     let port = std::net::TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr());
     port.expect("a port").port()
 }
 
-/// Plays a script to its good end.
+/// Plays a script to its successful end.
 fn play(python: PathBuf, script: &str, port: u16) {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../host/tests/mavlink").join(script);
     let output = Command::new(python).arg(script).arg(port.to_string()).output().expect("python starts");
@@ -59,7 +59,7 @@ fn another_implementation_flies_an_emulated_board() {
     let mut log = BufReader::new(board.stdout.take().expect("piped")).lines().map_while(Result::ok);
     let _board = Running(board);
     log.find(|line| line.contains("the telemetry UART: 127.0.0.1:")).expect("it listens");
-    // What nobody reads would stop it.
+    // Unread output would block it.
     std::thread::spawn(move || log.for_each(drop));
     play(python, "board.py", port);
 }
@@ -74,7 +74,7 @@ fn fram_with_key() -> Fram {
     Fram::fm25v01a().holding(&digits.chunks(2).map(byte).collect::<Vec<_>>())
 }
 
-/// No emulator has a USB controller, over which a key is set: the setting of a key is not shown here.
+/// No emulator has a USB controller, over which a key is set: this does not test setting a key.
 #[test]
 #[ignore = "1 minute in real time, and installs pymavlink with pip: cargo emu -- --ignored"]
 fn an_emulated_board_with_a_key_obeys_what_is_signed_with_it_once_and_nothing_else() {

@@ -1,7 +1,7 @@
 //! `jetlink decode`: raw bytes from an ECU's TX line in, one JSON object a line out (JSON Lines).
 //!
-//! Holds one read buffer, one line of output and one incomplete frame, however long the input is. What the stream reports about
-//! itself wins over the hints of the command line.
+//! Holds one read buffer, one line of output and one incomplete frame, however long the input is. The stream's own reports take
+//! precedence over the hints of the command line.
 
 use crate::decode_hint::{Beside, Hint};
 use crate::json::Record;
@@ -41,7 +41,7 @@ pub struct Args {
     file: Option<PathBuf>,
 }
 
-/// Before and behind the fields of all protocols.
+/// Text before and after the fields of all protocols.
 const HELP: [&str; 2] = [
     "\
 Output:
@@ -82,13 +82,13 @@ pub fn run(args: Args) -> ExitCode {
         .check(args.protocol)
         .map_err(Failure::Arguments)
         .and_then(|()| decode_file(args.file, decoder, beside));
-    // Once standard error is gone nothing can be printed, so a failure to print is not a failure.
+    // If standard error is closed nothing can be printed, so a failed print is not a failure.
     match outcome {
         Ok(summary) => {
             let _ = write!(io::stderr(), "{summary}");
             ExitCode::SUCCESS
         }
-        // The reader of the output has closed it, as `head` does: not a failure.
+        // The reader has closed the output, as `head` does: not a failure.
         Err(Failure::Output(error)) if error.kind() == ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(failure) => {
             let _ = writeln!(io::stderr(), "error: {failure}");
@@ -161,11 +161,11 @@ fn decode(
             output.write_all(record.line()).map_err(Failure::Output)?;
             add(&mut summary.kinds, kind, 1);
         }
-        // The decoder's counts wrap at 32 bits; what one buffer adds to them does not.
+        // The decoder's counts wrap at 32 bits; the increments of one buffer do not.
         for ((what, before), (_, now)) in before.into_iter().zip(decoder.counters()) {
             add(&mut summary.counters, what, now.wrapping_sub(before).into());
         }
-        // So that frames of a live line come out when they come in, and not a buffer later.
+        // Frames of a live line are then printed as they arrive, not a buffer later.
         output.flush().map_err(Failure::Output)?;
     }
     summary.pending = decoder.pending();
@@ -186,7 +186,7 @@ struct Summary {
     hint: Option<Hint>,
 }
 
-/// At most as many entries as there are names: sixteen.
+/// It has at most one entry per name: sixteen.
 fn add(counts: &mut Vec<(&'static str, u64)>, name: &'static str, more: u64) {
     match counts.iter_mut().find(|(known, _)| *known == name) {
         Some((_, count)) => *count += more,

@@ -1,15 +1,15 @@
-//! What else the same bytes are, for anyone who named the wrong protocol or took the wrong line: the frames of the other
-//! protocol, or the commands to an ECU.
+//! Other readings of the same bytes, for a user who named the wrong protocol or captured the wrong line: frames of the
+//! other protocol, or commands to an ECU.
 
 use crate::telemetry::decoder::Decoder;
 use crate::telemetry::{Hints, Protocol};
 use sim::control::Command;
 use std::fmt;
 
-/// What the other protocol would find shows in the beginning: a long input is not decoded twice.
+/// Bytes that are also decoded by the other protocol: the beginning suffices, and a long input is not decoded twice.
 const READS_ALONG: u64 = 1024 * 1024;
 
-/// All that reads along.
+/// All decoders that read along.
 #[derive(Debug)]
 pub struct Beside {
     others: Vec<Other>,
@@ -17,7 +17,7 @@ pub struct Beside {
 }
 
 impl Beside {
-    /// Beside this one.
+    /// All decoders other than this one.
     pub fn new(tried: Protocol) -> Self {
         Self {
             others: tried.others().map(Other::new).collect(),
@@ -36,7 +36,7 @@ impl Beside {
 #[derive(Debug)]
 struct Commands {
     protocol: Protocol,
-    /// What may be the beginning of one.
+    /// The possible beginning of a command.
     pending: Vec<u8>,
     frames: u64,
     bytes: u64,
@@ -123,7 +123,7 @@ enum Found {
 }
 
 impl Hint {
-    /// Where over half of all bytes lie outside of every frame. It names what would find most.
+    /// A hint if over half of all bytes are outside any frame. It names the reading that finds most.
     pub fn of(bytes: u64, outside: u64, tried: &'static str, beside: Beside) -> Option<Self> {
         let Beside { others, commands } = beside;
         let other = others.into_iter().max_by_key(|other| other.in_frames)?;
@@ -138,7 +138,7 @@ impl Hint {
         } else {
             let outside = other.bytes - other.in_frames - other.decoder.pending() as u64;
             match (other.frames, other.decoder.name()) {
-                // It may still be the beginning of one.
+                // It may still be the beginning of a frame.
                 (0, _) if outside * 2 <= other.bytes => return None,
                 (0, name) => Found::Nothing { name },
                 (frames, name) => Found::Other { name, frames, bytes: other.bytes, outside },

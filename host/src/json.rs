@@ -39,10 +39,10 @@ impl fmt::Display for Decimal {
     }
 }
 
-/// One line of output, with room that is used again for the next.
+/// One line of output; its buffer is reused for the next.
 ///
-/// Written by hand and not through `serde_json::Value`: that would allocate some twenty times a frame, and
-/// print whole numbers among the decimals as `51.0`. Writing to a `Vec` does not fail.
+/// Written by hand, as `serde_json::Value` would allocate some twenty times per frame, and print whole
+/// numbers among the decimals as `51.0`. Writing to a `Vec` does not fail.
 #[derive(Default, Debug)]
 pub struct Record(Vec<u8>);
 
@@ -112,8 +112,8 @@ macro_rules! json_as_displayed {
         })+
     };
 }
-// What Rust displays is JSON: for f64 the shortest decimals that read back the same, without exponent, whole
-// numbers without point. All of ours are finite, and none is -0.
+// Rust's display is valid JSON: for f64 the shortest decimals that read back the same, without exponent,
+// whole numbers without a point. All of ours are finite, and none is -0.
 json_as_displayed!(bool, u8, u32, u64, i32, f64, Decimal);
 
 /// A literal of this program or of the codecs: none needs an escape.
@@ -125,7 +125,7 @@ impl Json for &'static str {
     }
 }
 
-/// A text from the wire, which may hold anything.
+/// A text from the wire, which may contain anything.
 pub struct Escaped<'a>(pub &'a str);
 
 impl Json for Escaped<'_> {

@@ -1,4 +1,4 @@
-//! The program `jetlink`: what the library does, on a computer.
+//! The program `jetlink`: the library on a computer.
 #![forbid(unsafe_code)]
 
 mod decode;
@@ -42,7 +42,7 @@ fn main() -> ExitCode {
 /// A bad argument: one sentence, and status 2.
 fn usage(error: &clap::Error) -> ExitCode {
     let text = error.to_string();
-    // What the parser says of options that are missing comes in lines of its own, up to an empty one.
+    // The parser lists missing options in lines of their own, up to an empty one.
     let lines = text.lines().map(str::trim).take_while(|line| !line.is_empty());
     eprintln!("{}; --help explains all.", lines.collect::<Vec<_>>().join(" "));
     ExitCode::from(2)

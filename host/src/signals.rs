@@ -10,8 +10,8 @@ pub fn is_ignored(signal: i32) -> bool {
     u32::try_from(signal - 1).is_ok_and(|bit| ignored.checked_shr(bit).is_some_and(|mask| mask & 1 == 1))
 }
 
-/// Lets the first Ctrl-C pass where standard input is a pipe: whatever writes into it ends by the same key, and what it has
-/// written is still to be read. The second one ends the program.
+/// Ignores the first Ctrl-C if standard input is a pipe: the same key ends the writer, and its output still has to be read.
+/// The second one ends the program.
 #[cfg(unix)]
 pub fn read_pipe_to_its_end() -> io::Result<()> {
     use signal_hook::consts::SIGINT;

@@ -43,7 +43,7 @@ fn decode_in_pieces(args: &[&str], input: &[u8], piece: usize) -> Outcome {
     let mut child = spawn(args);
     let mut stdin = child.stdin.take().unwrap();
     let input = input.to_vec();
-    // A program that refuses its arguments does not read: a failing write is no matter.
+    // A program that refuses its arguments does not read: a failed write does not matter.
     let writer = thread::spawn(move || input.chunks(piece).try_for_each(|piece| stdin.write_all(piece)));
     let output = child.wait_with_output().unwrap();
     let _ = writer.join().unwrap();
@@ -138,7 +138,7 @@ fn same(a: &Value, b: &Value) -> bool {
 fn compare(golden: &Golden, outcome: &Outcome) {
     let name = &golden.name;
     assert_eq!(outcome.status, 0, "{name}: {outcome:?}");
-    // First as values, to distinguish a wrong value from a wrong way to write it.
+    // First as values, to distinguish a wrong value from a wrong format.
     for (i, (found, expected)) in outcome.stdout.lines().zip(golden.expected.lines()).enumerate() {
         let parse =
             |line| -> Value { serde_json::from_str(line).unwrap_or_else(|e| panic!("{name}: {e}: {line}")) };
@@ -395,7 +395,7 @@ fn a_set_up_set_with_any_text_is_printed_as_json() {
     assert_eq!(found[0]["raw"], "ff05f7e83e392eb13520313430363137".to_owned() + "20");
 }
 
-/// Those that the documentation uses: made by the rig.
+/// The captures of the documentation, made by the rig.
 #[test]
 fn the_captures_of_the_documentation_hold_frames_and_nothing_else() {
     for (protocol, name) in [("amt", "amt-simulated.bin"), ("zk", "zk-simulated.bin")] {
@@ -408,7 +408,7 @@ fn the_captures_of_the_documentation_hold_frames_and_nothing_else() {
     }
 }
 
-/// Status and standard output stay as they are; the last line of standard error says what the other protocol would find.
+/// Status and standard output stay the same; the last line of standard error states what the other protocol would find.
 #[test]
 fn the_wrong_protocol_is_hinted_at() {
     let zk = ZK_EXAMPLE.repeat(20);
@@ -427,7 +427,7 @@ fn the_wrong_protocol_is_hinted_at() {
             "hint: 100 % of the bytes are in no zk frame; --protocol amt would find 20 frames and leave 0 %"
         )
     );
-    // A share that is not all of it is not called so.
+    // A share below 100 % is not printed as 100 %.
     let almost = [&zk[..], &AMT_NORMAL[..]].concat().repeat(20);
     let outcome = decode(&["--protocol", "amt"], &almost);
     let hint = outcome.stderr.lines().last().unwrap();
@@ -443,10 +443,10 @@ fn the_wrong_protocol_is_hinted_at() {
         "hint: 100 % of the bytes are in no zk frame, nor in one of amt: check the baud rate, the stop bits and the levels of \
          the line"
     );
-    // One is no plural.
+    // One frame is singular.
     let outcome = decode(&["--protocol", "amt"], &ZK_EXAMPLE);
     assert!(outcome.stderr.contains("would find 1 frame and leave 0 %"), "{}", outcome.stderr);
-    // Half of the bytes is not over half, and nothing is no reason for a hint.
+    // Half of the bytes is not over half, and no bytes give no hint.
     for input in [[&ZK_EXAMPLE[..], &[0; 7]].concat(), Vec::new(), zk] {
         let outcome = decode(&["--protocol", "zk"], &input);
         assert!(!outcome.stderr.contains("hint"), "{outcome:?}");
@@ -520,7 +520,7 @@ fn commands_to_an_ecu_are_hinted_at() {
             assert!(hint.starts_with("hint: ") && hint.ends_with(&end), "{hint}");
         }
     }
-    // Few of them among other bytes are no such line.
+    // A few of them among other bytes do not make it that line.
     let few = [&amt[..20], &[0x55; 200]].concat();
     assert!(hint(&["--protocol", "zk"], &few).ends_with("the levels of the line"));
 }
@@ -666,7 +666,7 @@ fn a_reader_who_leaves_is_no_failure() {
     let mut line = String::new();
     stdout.read_line(&mut line).unwrap();
     drop(stdout);
-    // It leaves at its next write, so ours fails sooner or later.
+    // It exits at its next write, so ours fails sooner or later.
     for _ in 0..100 {
         if stdin.write_all(&ZK_EXAMPLE.repeat(1000)).is_err() {
             break;
@@ -702,7 +702,7 @@ fn a_live_line_is_printed_at_once() {
     assert!(child.wait().unwrap().success());
 }
 
-/// Streams this many bytes through and gives the lines that came and the most memory that was ever resident.
+/// Streams this many bytes through, and returns the number of lines and the peak resident memory.
 #[cfg(target_os = "linux")]
 fn stream(args: &[&str], piece: &[u8], bytes: usize) -> (usize, usize) {
     let mut child = spawn(args);

@@ -1,4 +1,4 @@
-//! What `jetlink rig` writes into files, and what happens when the reader stops reading.
+//! The files that `jetlink rig` writes, and readers that stop reading.
 #![cfg(unix)]
 
 #[path = "support/process.rs"]
@@ -139,7 +139,7 @@ fn an_option_cannot_name_a_file_of_the_capture() {
     }
 }
 
-/// What it names does not exist, so nothing says which file is meant.
+/// Its target does not exist, so the intended file is unknown.
 #[test]
 #[cfg(unix)]
 fn a_link_that_leads_nowhere_is_refused_by_name() {
@@ -256,7 +256,7 @@ fn the_csv_file_can_be_followed_and_a_kill_loses_a_second() {
             .spawn()
             .expect("it runs"),
     );
-    // What four engines write in these seconds fits the program's own buffer of 8 KiB twice over.
+    // The rows of four engines in this time would fit the program's buffer of 8 KiB twice.
     let rows = || fs::read_to_string(&csv).unwrap_or_default().lines().count();
     let began = Instant::now();
     wait::wait_until("the first rows", PATIENCE, || rows() > 1);
@@ -522,7 +522,7 @@ fn a_fault_that_cannot_act_is_refused() {
     }
 }
 
-/// What is known of the run is printed, whatever cannot be written at its end.
+/// The known results are printed even if something cannot be written at the end.
 #[test]
 fn the_summary_is_printed_when_a_file_cannot_be_completed() {
     let folder = folder("gone-at-the-end");
@@ -554,7 +554,7 @@ fn the_summary_is_printed_when_a_file_cannot_be_completed() {
     assert!(error.contains("cannot write") && error.contains("x.html") && error.contains("x.txt"), "{error}");
 }
 
-/// What may be read by one person only stays so, and until the end there is nothing beside it that a kill could leave.
+/// A file that only one person may read stays so, and until the end there is no temporary file that a kill could leave.
 #[test]
 fn a_picture_keeps_the_permissions_of_the_one_before() {
     use std::os::unix::fs::PermissionsExt;

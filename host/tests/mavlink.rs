@@ -1,7 +1,7 @@
-//! `jetlink rig --mavlink` against pymavlink: a ground station and an autopilot that know MAVLink from elsewhere.
+//! `jetlink rig --mavlink` against pymavlink: a ground station and an autopilot with an independent implementation.
 //!
-//! The test makes a virtual environment with the pinned pymavlink, once. Where that is not possible (no python3, no package
-//! index) it says what was not run, and fails only in CI.
+//! The test makes a virtual environment with the pinned pymavlink, once. If that is not possible (no python3, no package
+//! index), it prints which tests did not run, and fails only in CI.
 #![cfg(unix)]
 
 #[path = "support/process.rs"]
@@ -20,7 +20,7 @@ use std::time::Duration;
 /// Engine time passes this many times as fast.
 const SPEED: &str = "8";
 
-/// A port that nobody uses at the moment.
+/// A port that is not in use.
 fn free_port() -> u16 {
     let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
     listener.local_addr().expect("its number").port()
@@ -183,7 +183,7 @@ impl Station {
         (count > 12 && buffer[0] == 0xFD && buffer[6] >= 25).then_some((buffer[7], from))
     }
 
-    /// Says this to a port, again and again, until something of the node comes back.
+    /// Sends this to a port repeatedly until the node answers.
     fn is_answered(&self, to: u16, bytes: &[u8], tries: usize) -> bool {
         (0..tries).any(|_| {
             self.0.send_to(bytes, ("127.0.0.1", to)).expect("it is sent");

@@ -1,4 +1,4 @@
-//! Whether the pictures can be read, and what they and the CSV file say of a wire on which nothing is.
+//! Checks that the pictures are readable, and how they and the CSV file show a silent wire.
 
 #[path = "support/picture.rs"]
 mod picture;
@@ -35,7 +35,7 @@ fn throttle_on_wire(csv: &str, engine: &str, from: f64, to: f64) -> Vec<String> 
     rows.map(|row| row[wire].to_owned()).collect()
 }
 
-/// An AMT node only replies: from a silent ECU on nothing is on that wire. A ZK node sends by itself.
+/// An AMT node only replies: from a silent ECU on nothing is on that wire. A ZK node sends unprompted.
 #[test]
 fn a_wire_on_which_nothing_is_carries_no_throttle() {
     let (csv, svg) = played("engine-lost", &["--scenario", "engine-lost"]);

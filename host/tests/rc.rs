@@ -49,7 +49,7 @@ const FLOWN: &str = "\
 150.0 end
 ";
 
-/// What the CSV has of an engine at a time: engine state, source in control, stage of loss, order, throttle on the wire.
+/// The CSV's values of an engine at a time: engine state, source in control, stage of loss, order, throttle on the wire.
 fn at(rows: &str, engine: &str, seconds: f64) -> [String; 5] {
     let mut csv = csv::Reader::from_reader(rows.as_bytes());
     let heads = csv.headers().expect("heads").clone();
@@ -73,7 +73,7 @@ fn script_with_a_transmitter_starts_throttles_loses_and_stops() {
         let output = rig(&["--script", script.to_str().unwrap(), "--fast", "--csv", rows.to_str().unwrap()]);
         let (out, rows) = (text(&output.stdout), std::fs::read_to_string(rows).expect("written"));
         assert!(output.status.success(), "{out}{}", text(&output.stderr));
-        // The summary has what was received; only SBUS has frames that say that the transmitter is off.
+        // The summary shows the received frames; only SBUS has frames that say that the transmitter is off.
         let line = out.lines().find_map(|line| line.strip_prefix("  radio control: ")).expect("its line");
         let (good, rest) = line.split_once(" good, ").expect("good frames");
         let good: u32 = good.parse().expect("a number");
@@ -161,7 +161,7 @@ fn engine_that_is_handed_over_goes_to_idle_comes_back_without_a_jump_and_can_be_
     }
 }
 
-/// What the CSV has in a column of an engine, from its first row on: each value once, with the time of its first row.
+/// Values in a CSV column of an engine, from its first row on: each value once, with the time of its first row.
 fn changes(rows: &str, engine: &str, column: &str) -> Vec<(f64, String)> {
     let mut csv = csv::Reader::from_reader(rows.as_bytes());
     let heads = csv.headers().expect("heads").clone();
@@ -215,7 +215,7 @@ fn valves_follow_their_engines_and_each_change_has_its_reason() {
     }
 }
 
-/// Nobody knows when who moves the stick starts an engine.
+/// It is unknown when the person at the stick starts an engine.
 #[test]
 fn faults_act_while_radio_control_commands() {
     for (faults, text_of_it) in [
@@ -274,13 +274,13 @@ struct Sticks {
     on: bool,
 }
 
-/// The rig with a receiver that listens, and what it says of its engines.
+/// The rig with a listening receiver, and its output about the engines.
 struct Flight {
     _rig: Running,
     sticks: Arc<Mutex<Sticks>>,
     /// Lines of its CSV, which come a second at once.
     rows: Arc<Mutex<Vec<String>>>,
-    /// Lines that were looked at.
+    /// Number of lines that were checked.
     seen: Cell<usize>,
 }
 

@@ -1,5 +1,5 @@
-//! What else is attached to the node: a receiver of radio control, fuel valves. The service offers their settings as parameters, and
-//! reports what they do. [`Nothing`] is a node without them, and costs an image nothing.
+//! Other devices attached to the node: a receiver of radio control, fuel valves. The service offers their settings as parameters,
+//! and reports their state. [`Nothing`] is a node without them, and adds nothing to an image.
 
 use crate::port::Schedule;
 use crate::refusal::Refusal;
@@ -29,13 +29,13 @@ pub struct Change {
     pub what: &'static str,
     /// Why, for people.
     pub why: &'static str,
-    /// It may have stopped an engine that was not ordered to stop, or did not stop when it was.
+    /// It may have stopped an engine that was not ordered to stop, or that did not stop when ordered.
     pub alarming: bool,
 }
 
-/// What is attached. Rows and their order are the same for every engine, and fixed from the start of the node on.
+/// Attached devices. Rows and their order are the same for every engine, and fixed from the start of the node on.
 pub trait Attached: Debug {
-    /// What the service keeps of each port.
+    /// State that the service keeps for each port.
     type Streams: Streams;
 
     /// Settings of an engine that are parameters, behind all others of its component.
@@ -44,17 +44,17 @@ pub trait Attached: Debug {
     /// The value of one of them.
     fn number(&self, engine: usize, name: &str) -> Option<i32>;
 
-    /// Changes one of them, whose range has been checked.
+    /// Changes one of them. Its range has been checked.
     ///
     /// # Errors
-    /// Why it was refused, with nothing changed.
+    /// Why it was refused. Nothing has changed.
     fn set(&mut self, engine: usize, name: &str, number: i32) -> Result<(), Refusal>;
 
-    /// Begins a calibration of the stick of an engine, or ends it: then its end points are those that were seen meanwhile, in the
-    /// settings [`Attached::calibrated`].
+    /// Begins a calibration of the stick of an engine, or ends it: then the end points seen meanwhile go into the settings
+    /// [`Attached::calibrated`].
     ///
     /// # Errors
-    /// Why not, with no setting changed.
+    /// Why it was refused. No setting has changed.
     fn calibrate(&mut self, _engine: usize, _begin: bool) -> Result<(), Refusal> {
         Err(Refusal::NoReceiver)
     }
@@ -64,7 +64,7 @@ pub trait Attached: Debug {
         [""; 2]
     }
 
-    /// The stored settings are damaged, or have been confirmed: while they are damaged, nothing may start an engine.
+    /// Sets whether the stored settings are damaged. While they are, nothing may start an engine.
     fn set_damaged(&mut self, damaged: bool);
 
     /// Whether engines have outputs.
@@ -76,16 +76,16 @@ pub trait Attached: Debug {
     /// The next change of an output; each is returned once.
     fn next_change(&mut self) -> Option<Change>;
 
-    /// What the receiver of radio control sends; `None`: there is none.
+    /// Channels that the receiver of radio control sends; `None`: there is none.
     fn channels(&self, now: Instant) -> Option<Channels>;
 
-    /// Frames of the radio link that arrive, in percent; `None`: the receiver does not report it.
+    /// Share of radio frames that arrive, in percent; `None`: the receiver does not report it.
     fn link_quality(&self, _now: Instant) -> Option<u8> {
         None
     }
 }
 
-/// Streams of a port that are of what is attached.
+/// Streams of the attached devices on a port.
 pub trait Streams: sealed::Streams {}
 
 impl<T: sealed::Streams> Streams for T {}
@@ -125,7 +125,7 @@ pub(crate) mod sealed {
     }
 }
 
-/// None.
+/// No streams.
 #[derive(Clone, Copy, Debug)]
 pub struct NoStreams;
 

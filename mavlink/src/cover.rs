@@ -1,8 +1,8 @@
-//! What of signing has to be stored before a frame is obeyed, so that after a loss of power it is not obeyed again.
+//! The part of signing that has to be stored before a frame is obeyed, so that it is not obeyed again after a loss of power.
 //!
-//! The store has a time stamp up to which everything is *covered*: after a loss of power nothing acts that is signed with it or an earlier
-//! one. A frame that acts and is not covered waits for a save, some ms. What is saved is 10 s ahead, so that a person who sets 50 parameters
-//! causes one save, and not 50.
+//! The store has a time stamp up to which everything is *covered*: after a loss of power no frame signed with it or an earlier one acts. A
+//! frame that acts and is not covered waits some ms for a save. The saved stamp is 10 s ahead, so that setting 50 parameters causes one
+//! save, not 50.
 
 use crate::frame::Frame;
 use crate::refusal::Refusal;
@@ -11,11 +11,11 @@ use crate::store::NotSaved;
 use embassy_time::{Duration, Instant};
 use heapless::Vec;
 
-/// Frames that wait. A start is one.
+/// Number of frames that may wait. A start is one frame.
 const WAITING: usize = 4;
 /// Longest wait, so that an answer comes within 0.5 s and nothing is obeyed late.
 const LONGEST: Duration = Duration::from_millis(300);
-/// How far ahead of what is obeyed the saved stamp is.
+/// Lead of the saved stamp over the obeyed one.
 const AHEAD: Duration = Duration::from_secs(10);
 /// Time between two saves while all engines are at rest.
 const EVERY: Duration = Duration::from_secs(600);
@@ -25,43 +25,43 @@ const EVERY: Duration = Duration::from_secs(600);
 struct Waiting {
     port: usize,
     frame: Frame,
-    /// Component that it is for.
+    /// Component that it addresses.
     component: u8,
     stamp: Stamp,
     since: Instant,
-    /// Why it is refused, before it was obeyed.
+    /// Why it is refused before it is obeyed.
     refused: Option<Refusal>,
 }
 
-/// What becomes of a frame that has waited.
+/// Fate of a frame that has waited.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Fate {
     /// It is obeyed: the store covers it.
     Covered,
-    /// It is obeyed though the store does not cover it, as an engine turns.
+    /// It is obeyed although the store does not cover it, because an engine turns.
     Uncovered(Refusal),
     /// It is refused.
     Refused(Refusal),
 }
 
-/// What is stored of signing, and what waits for it.
+/// Stored stamps of signing, and the frames that wait for them.
 #[derive(Debug)]
 pub(crate) struct Cover {
-    /// The stamp in the store, as far as it was saved since the start.
+    /// The stamp saved in the store since the start.
     stored: Stamp,
     /// The stamp that has to be saved, and the one that is being saved.
     wanted: Option<Stamp>,
     saving: Option<Stamp>,
     waiting: Vec<Waiting, WAITING>,
-    /// Why a save failed, for those who wait.
+    /// Why a save failed, for the waiting frames.
     failed: Option<NotSaved>,
-    /// The failure that a text said last.
+    /// The failure that the last text reported.
     said: Option<NotSaved>,
     /// An engine turned.
     turned: bool,
     /// Time of the next save at rest.
     next: Instant,
-    /// Why what is being carried out is refused.
+    /// Why the frame being carried out is refused.
     pub refusing: Option<Refusal>,
 }
 
@@ -81,17 +81,17 @@ impl Cover {
         }
     }
 
-    /// Whether what is signed with this stamp may be obeyed.
+    /// Whether a frame signed with this stamp may be obeyed.
     pub fn covers(&self, stamp: Stamp) -> bool {
         stamp <= self.stored
     }
 
-    /// Has a stamp saved that is ahead of this one.
+    /// Requests a save of a stamp ahead of this one.
     pub fn want(&mut self, stamp: Stamp) {
         self.wanted = self.wanted.max(Some(stamp.later(AHEAD)));
     }
 
-    /// Has a frame wait until it is covered. False: too many wait.
+    /// Holds a frame until it is covered. False: too many wait.
     pub fn hold(&mut self, now: Instant, port: usize, frame: &Frame, component: u8, stamp: Stamp) -> bool {
         if self.waiting.is_empty() {
             self.failed = None;
@@ -109,12 +109,12 @@ impl Cover {
         !self.waiting.is_empty()
     }
 
-    /// What was being carried out is done.
+    /// The frame that was being carried out is done.
     pub fn carried_out(&mut self) {
         self.refusing = None;
     }
 
-    /// A stop of a component came, or of all: what waits for it is older, and is refused.
+    /// A component, or all of them, received a stop: frames that wait for it are older, and are refused.
     pub fn stopped(&mut self, component: Option<u8>) {
         for waiting in &mut self.waiting {
             if component.is_some_and(|component| component != waiting.component) {
@@ -124,7 +124,7 @@ impl Cover {
         }
     }
 
-    /// Whether a save is due without a frame: an engine has stopped, or all are at rest for long.
+    /// Whether a save is due without a frame: an engine has stopped, or all have been at rest for long.
     pub fn is_due(&mut self, now: Instant, turns: bool, at_rest: bool) -> bool {
         let stopped = core::mem::replace(&mut self.turned, turns) && !turns;
         let due = stopped || at_rest && now >= self.next;
@@ -134,7 +134,7 @@ impl Cover {
         due
     }
 
-    /// Another key: nothing of it is stored.
+    /// There is another key: nothing is stored for it.
     pub fn forget(&mut self) {
         (self.stored, self.wanted, self.saving) = (Stamp::ZERO, None, None);
     }
@@ -156,7 +156,7 @@ impl Cover {
         self.wanted.is_some() || self.saving.is_some()
     }
 
-    /// Takes the result of a save. False: it was of something else.
+    /// Takes the result of a save. False: it was the result of something else.
     pub fn saved(&mut self, result: Result<(), NotSaved>) -> bool {
         let Some(saving) = self.saving.take() else { return false };
         match result {
@@ -169,12 +169,12 @@ impl Cover {
         true
     }
 
-    /// Whether a text has to say that a save failed: not once for each try.
+    /// Whether a text has to report that a save failed: not once for each attempt.
     pub fn says(&mut self, why: NotSaved) -> bool {
         self.said.replace(why) != Some(why)
     }
 
-    /// The next frame that waits no longer, with its port.
+    /// The next frame that no longer waits, with its port.
     pub fn take(&mut self, now: Instant, turns: bool) -> Option<(usize, Frame, Fate)> {
         let first = self.waiting.first()?;
         let failed = self.failed.map(|why| match why {
@@ -184,7 +184,7 @@ impl Cover {
         let fate = match (first.refused, failed) {
             (Some(why), _) => Fate::Refused(why),
             _ if self.covers(first.stamp) => Fate::Covered,
-            // A relight does not fail because a memory does.
+            // A relight must not fail because a memory does.
             (None, Some(why)) if turns => Fate::Uncovered(why),
             (None, Some(why)) => Fate::Refused(why),
             _ if now >= first.since + LONGEST => Fate::Refused(Refusal::StoreBusy),

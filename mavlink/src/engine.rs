@@ -1,8 +1,8 @@
-//! One engine as MAVLink commands it: its switch, its demand source, and what arms it.
+//! One engine as MAVLink commands it: its switch, its demand source and its arming.
 //!
-//! Start and throttle are two roles that together are one source. The *switch* goes to run by an accepted start and to
-//! stopped by a stop, a failed start or an ended life. The *demand source* carries a demand only: no value of it starts an
-//! engine or means standby.
+//! Start and throttle are two roles of one source. An accepted start sets the *switch* to run; a stop, a failed start or
+//! the end of a run sets it to stopped. The *demand source* carries only a demand: none of its values starts an engine or
+//! means standby.
 
 use crate::frame::Address;
 use crate::ids::Ack;
@@ -19,18 +19,18 @@ use jetlink::engine::state::EngineState;
 use jetlink::telemetry::Telemetry;
 use jetlink::units::Throttle;
 
-/// Time in which the same start of the same sender is a repeat.
+/// Time in which the same start from the same sender counts as a repeat.
 const REPEAT: Duration = Duration::from_secs(5);
-/// Age of the last heartbeat of the system that commanded, where it keeps the order alive.
+/// Longest age of the last heartbeat of the commanding system, where its heartbeats keep the order alive.
 pub(crate) const HEARTBEAT_AGE: Duration = Duration::from_secs(5);
 /// Time between two commands that keep MAVLink present, waiting or idling.
 const REFRESH: Duration = Duration::from_millis(200);
 /// Senders whose last start is remembered.
 const SENDERS: usize = 4;
-/// Commands that are recorded between two looks: a start is three.
+/// Commands that are recorded between two reads: a start takes three.
 #[cfg(feature = "record")]
 pub(crate) const RECORDED: usize = 16;
-/// Longest time in which a demand that was held rises at once.
+/// Longest time for which a held demand rises in one step.
 const LONGEST_STEP: Duration = Duration::from_millis(100);
 
 /// Position of the switch.
@@ -40,7 +40,7 @@ pub(crate) enum Switch {
     /// A start waits for another engine.
     Waiting,
     Run,
-    /// Found running: the demand source takes it over when the vehicle is armed.
+    /// Found running: the demand source takes over when the vehicle is armed.
     Found,
 }
 
@@ -64,19 +64,19 @@ pub(crate) struct Engine<'a> {
     switch: Switch,
     /// The last demand of its source.
     demand: Option<(Throttle, Instant)>,
-    /// What the demand has risen to since it was held at idle, and when.
+    /// Value to which the demand has risen since it was held at idle, and when.
     held: Option<(Throttle, Instant)>,
-    /// System whose heartbeat keeps the order alive. After a reset it is not known: then any that may command.
+    /// System whose heartbeat keeps the order alive. Unknown after a reset: then any system that may command counts.
     ordered_by: Option<u8>,
     /// Source whose demand was in force last.
     run_by: Option<Origin>,
-    /// The vehicle's arming was passed on, by this service or by the one before a restart of the node.
+    /// The vehicle's arming was passed on, by this service or before a restart of the node.
     armed: bool,
-    /// And that it is disarmed, since then and since a stop: the library has to know it before it lets MAVLink arm again.
+    /// Its disarming was passed on, since then and since a stop: the library requires it before it lets MAVLink arm again.
     disarmed: bool,
-    /// A start that was allowed while disarmed is under way, and has armed the engine.
+    /// A start allowed while disarmed is in progress, and has armed the engine.
     armed_for_start: bool,
-    /// Time of an emergency stop after which the vehicle has not shown disarmed.
+    /// Time of an emergency stop since which the vehicle has not been seen disarmed.
     must_disarm: Option<Instant>,
     /// That stop is latched, and was noted.
     stop_noted: bool,
@@ -88,7 +88,7 @@ pub(crate) struct Engine<'a> {
     pub progress: Option<(u8, Address)>,
     /// The vehicle was disarmed for long enough that standby was commanded.
     stood_by: bool,
-    /// What was commanded since it was last taken.
+    /// Commands since they were last taken.
     #[cfg(feature = "record")]
     pub commanded: Vec<Command, RECORDED>,
 }
@@ -96,7 +96,7 @@ pub(crate) struct Engine<'a> {
 /// One engine for the service: the rights to command it as MAVLink and to set it up, and its settings.
 #[derive(Debug)]
 pub struct EngineParts<'a> {
-    /// Claimed with [`jetlink::command::Origin::Mavlink`].
+    /// Its source, claimed with [`jetlink::command::Origin::Mavlink`].
     pub source: Source<'a>,
     /// The right to change its settings.
     pub setup: Setup<'a>,
@@ -106,7 +106,7 @@ pub struct EngineParts<'a> {
     pub settings: EngineSettings,
 }
 
-/// What is known besides the engine.
+/// The situation outside the engine.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Situation<'a> {
     pub now: Instant,
@@ -163,7 +163,7 @@ impl<'a> Engine<'a> {
 
     /// Commands the engine.
     fn command(&mut self, command: Command) -> Result<Accepted, Rejected> {
-        // What nobody takes is lost.
+        // Commands that nobody takes are lost.
         #[cfg(feature = "record")]
         let _ = self.commanded.push(command);
         self.source.command(command)
@@ -173,7 +173,7 @@ impl<'a> Engine<'a> {
         self.source.handle().telemetry()
     }
 
-    /// How the start has ended that somebody waits for; `None`: it has not.
+    /// Result of the start that somebody waits for; `None`: it has not ended.
     pub fn start_ended(&self) -> Option<Ack> {
         match (self.switch, self.telemetry().state) {
             (Switch::Stopped, _) if self.stopped_at >= self.last_starts.iter().map(|last| last.at).max() => {
@@ -205,7 +205,8 @@ impl<'a> Engine<'a> {
     fn pass_on(&mut self, situation: Situation<'_>, throttle: Throttle) -> Option<Refusal> {
         let held = match situation.vehicle.arming() {
             Arming::Disarmed => Some(Throttle::IDLE),
-            // It may be held at idle since before the restart, or fly: what is in force stays, and does not rise.
+            // It may have been held at idle since before the restart, or it may be flying: the demand in force stays, and does
+            // not rise.
             Arming::Unknown if situation.vehicle.may_show_disarmed(situation.now) => {
                 Some(self.held.map_or_else(|| self.ordered_throttle(), |(held, _)| held))
             }
@@ -218,7 +219,7 @@ impl<'a> Engine<'a> {
                 self.switch = Switch::Run;
                 None
             }
-            // The run has ended, and a stream starts none.
+            // The run has ended, and a stream does not start one.
             Err(Rejected::StandbyFirst | Rejected::StopLatched) => {
                 self.switch = Switch::Stopped;
                 None
@@ -239,7 +240,7 @@ impl<'a> Engine<'a> {
         }
     }
 
-    /// No more than this while it is held; then the demand rises at the engine's rate, until it has reached its source's.
+    /// Limits the demand to this while it is held; then it rises at the engine's rate to the demand of its source.
     fn hold(&mut self, now: Instant, throttle: Throttle, held: Option<Throttle>) -> Throttle {
         if let Some(most) = held {
             self.held = Some((most, now));
@@ -254,7 +255,7 @@ impl<'a> Engine<'a> {
             self.held = None;
             return throttle;
         }
-        // Below the demand, so it is a throttle. What rose by less than 0.1 % waits for the next frame.
+        // Below the demand, so it is a valid throttle. A rise of less than 0.1 % waits for the next frame.
         let raised = Throttle::from_tenths(most).unwrap_or(from);
         if raised > from {
             self.held = Some((raised, now));
@@ -262,7 +263,7 @@ impl<'a> Engine<'a> {
         raised
     }
 
-    /// Starts the engine: standby and run of this source in one, judged once.
+    /// Starts the engine: standby and run of this source in one step, judged once.
     pub fn start(
         &mut self,
         situation: Situation<'_>,
@@ -281,7 +282,7 @@ impl<'a> Engine<'a> {
                 Ack::Accepted if self.switch != Switch::Stopped => return Err((Ack::Accepted, None)),
                 Ack::Accepted if recent => return refused(Refusal::HasEnded),
                 ack if recent => return Err((ack, Some(Refusal::Repeated))),
-                // What was so then need not be so now.
+                // Circumstances may have changed since.
                 _ => {}
             }
         }
@@ -335,7 +336,7 @@ impl<'a> Engine<'a> {
         if !armed && !while_disarmed {
             return Err(Refusal::NotArmed);
         }
-        // Nobody else commands in between: what is in force now is what the start is judged by.
+        // Nobody else commands in between: the start is judged by the order in force now.
         let mut armed_here = false;
         let answer = critical_section::with(|_| {
             let telemetry = self.telemetry();
@@ -345,7 +346,7 @@ impl<'a> Engine<'a> {
                 Order::Listen => return Err(Rejected::Listening.into()),
                 Order::Run(_) | Order::Doubt(_) | Order::Pwm => return Err(Refusal::AlreadyRuns),
             }
-            // What another source has armed is its own.
+            // An engine armed by another source stays armed by that source.
             if armed || !telemetry.armed {
                 if !armed {
                     self.disarm_beside_others();
@@ -389,7 +390,7 @@ impl<'a> Engine<'a> {
         self.switch = Switch::Stopped;
         self.stopped_at = Some(now);
         match self.command(Command::ShutDown) {
-            // An emergency stop is more than this.
+            // A latched emergency stop includes this.
             Ok(_) | Err(Rejected::StopLatched) => Ok(()),
             Err(why) => Err(why.into()),
         }
@@ -404,7 +405,7 @@ impl<'a> Engine<'a> {
         self.note_emergency_stop(now);
     }
 
-    /// The library has disarmed the engine, and remembers over resets that MAVLink has to disarm before it arms.
+    /// The library has disarmed the engine, and retains over resets that MAVLink has to disarm before it arms.
     fn note_emergency_stop(&mut self, now: Instant) {
         (self.armed, self.armed_for_start, self.disarmed) = (false, false, false);
         (self.must_disarm, self.stop_noted) = (Some(now), true);
@@ -428,20 +429,20 @@ impl<'a> Engine<'a> {
         let _ = self.command(Command::Disarm);
     }
 
-    /// Disarms where no source has armed: else it would be against that source.
+    /// Disarms if no source has armed the engine: otherwise it would act against that source.
     fn disarm_beside_others(&mut self) {
         if !self.disarmed && !self.telemetry().armed {
             self.disarm();
         }
     }
 
-    /// The vehicle was armed and shows disarmed: a start that is under way ends, however it was allowed.
+    /// The vehicle was armed and now reports disarmed: a start in progress ends, however it was allowed.
     pub fn vehicle_disarmed(&mut self) {
         self.disarm();
     }
 
-    /// What has to be done without a command: arming, taking over an engine that was found running, keeping an order alive
-    /// or MAVLink present. Call it ten times a second or more often. Returns why a waiting start was refused.
+    /// Acts without a command: arms, takes over an engine found running, keeps an order alive or MAVLink present. Call it
+    /// ten times a second or more often. Returns why a waiting start was refused.
     pub fn update(&mut self, situation: Situation<'_>) -> Option<Refusal> {
         let telemetry = self.telemetry();
         self.follow(situation, &telemetry);
@@ -479,8 +480,8 @@ impl<'a> Engine<'a> {
         }
     }
 
-    /// Whether idle has to be passed on without the stream, until it is in force: a vehicle that is there, and disarmed, holds its engine at
-    /// idle, not at the throttle of a lost source.
+    /// Whether idle has to be passed on without the stream, until it is in force: a vehicle that is received and disarmed holds its engine
+    /// at idle, not at the throttle of a lost source.
     fn idles_disarmed(&self, situation: Situation<'_>, telemetry: &Telemetry) -> bool {
         let vehicle = situation.vehicle;
         self.switch == Switch::Run
@@ -491,7 +492,7 @@ impl<'a> Engine<'a> {
             && self.ordered_throttle() > Throttle::IDLE
     }
 
-    /// Sets the switch by what the engine is ordered to do.
+    /// Sets the switch to match the engine's order.
     fn follow(&mut self, situation: Situation<'_>, telemetry: &Telemetry) {
         let runs = matches!(telemetry.ordered.order, Order::Run(_) | Order::Doubt(_));
         // Any source may have commanded it.
@@ -503,18 +504,18 @@ impl<'a> Engine<'a> {
             Order::Run(_) | Order::Doubt(_) if telemetry.active_source != Origin::Node => {
                 self.run_by = Some(telemetry.active_source);
             }
-            // Its order was given up, and it may be found again.
+            // Its order was given up. It may be found running again.
             Order::Run(_) | Order::Doubt(_) | Order::Listen => {}
             _ => self.run_by = None,
         }
         match self.switch {
             Switch::Run | Switch::Found if !runs => self.switch = Switch::Stopped,
-            // The library gave the wait up.
+            // The library has given up the wait.
             Switch::Waiting if telemetry.start_waits_until.is_none() => {
                 self.switch = if runs { Switch::Run } else { Switch::Stopped };
             }
             Switch::Stopped if runs => match telemetry.active_source {
-                // Ours before a reset.
+                // Ours from before a reset.
                 Origin::Mavlink => self.switch = Switch::Run,
                 Origin::Node if self.run_by.is_none_or(|origin| origin == Origin::Mavlink) => {
                     self.switch = Switch::Found;
@@ -546,7 +547,7 @@ impl<'a> Engine<'a> {
                 }
             }
             Arming::Disarmed => {
-                // It has to show that after the stop.
+                // It has to report that after the stop.
                 if self.must_disarm.is_some_and(|stop| vehicle.last_shown() > Some(stop)) {
                     self.must_disarm = None;
                 }
@@ -556,7 +557,7 @@ impl<'a> Engine<'a> {
                 critical_section::with(|_| self.disarm_beside_others());
             }
             Arming::Unknown => {
-                // Without a vehicle, the release of the stop is what a person has to do.
+                // Without a vehicle, it is enough that a person releases the stop.
                 if !telemetry.stop_latched {
                     self.must_disarm = None;
                 }
@@ -564,12 +565,12 @@ impl<'a> Engine<'a> {
         }
     }
 
-    /// Whether its ECU reports that it is at rest, and nothing is ordered. An engine that is not received may turn.
+    /// Whether its ECU reports it at rest, and nothing is ordered. An engine that is not received may be turning.
     pub fn is_known_at_rest(&self) -> bool {
         self.telemetry().state.is_stopped() && !self.turns()
     }
 
-    /// Whether it turns, or is ordered to, or a start of it waits.
+    /// Whether it turns or is ordered to, or its start waits.
     pub fn turns(&self) -> bool {
         self.telemetry().turns() || self.is_at_run()
     }

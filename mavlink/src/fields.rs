@@ -1,22 +1,22 @@
-//! Fields of the messages that are obeyed: where each of them is in a payload. One way to read serves all messages; a generated
-//! parser for each of them is several kilobytes. A test compares it with those parsers.
+//! Fields of the messages that are obeyed: the place of each one in a payload. One reader serves all messages; generated
+//! parsers would take several kilobytes. A test compares it with them.
 
 /// Largest payload.
 const MAX_PAYLOAD: usize = 255;
 
-/// A payload, filled up with zeros: those at its end are not sent.
+/// A payload, padded with zeros: those at its end are not sent.
 #[derive(Clone, PartialEq, Eq)]
 pub(crate) struct Fields([u8; MAX_PAYLOAD]);
 
 impl Fields {
-    /// What is longer than a payload is cut.
+    /// Bytes beyond the largest payload are cut.
     pub fn new(payload: &[u8]) -> Self {
         let mut bytes = [0; MAX_PAYLOAD];
         bytes.iter_mut().zip(payload).for_each(|(to, byte)| *to = *byte);
         Self(bytes)
     }
 
-    /// The bytes from this one on; zeros where there are none.
+    /// The bytes from offset `at` on; zeros beyond the end.
     #[inline(never)]
     pub fn bytes<const N: usize>(&self, at: usize) -> [u8; N] {
         self.0.get(at..).and_then(<[u8]>::first_chunk).copied().unwrap_or([0; N])
@@ -100,7 +100,7 @@ pub(crate) mod rc_channels_override {
     }
 }
 
-/// `COMMAND_LONG`, and but for the last field `COMMAND_INT`, which has two parameters as whole numbers.
+/// `COMMAND_LONG` and, except for the last field, `COMMAND_INT`, which has two parameters as whole numbers.
 pub(crate) mod command {
     pub const PARAMS: usize = 0;
     pub const COMMAND: usize = 28;

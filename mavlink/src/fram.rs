@@ -1,11 +1,11 @@
-//! F-RAM on SPI as the memory of a [`Store`](crate::store::Store): what flight controllers with an FMU of version 2 to 6 have for their parameters.
+//! F-RAM on SPI as the memory of a [`Store`](crate::store::Store): flight controllers with an FMU of version 2 to 6 keep their parameters there.
 //!
-//! The chip is recognised by its identification, which has two forms: 9 bytes of Cypress (Ramtron), 4 of Fujitsu. One that is not
-//! in [`CHIPS`] is not used: the length of an address is in no register. An F-RAM has no sectors and needs no erase; here 0xFF
-//! is written in place of one, so that the same store serves both memories.
+//! The chip is recognised by its identification, which has two forms: 9 bytes of Cypress (Ramtron), 4 of Fujitsu. A chip that is
+//! not in [`CHIPS`] is not used: no register contains the length of its addresses. An F-RAM has no sectors and needs no erase;
+//! here an erase writes 0xFF, so that the same store serves both kinds of memory.
 //!
 //! Sources: FM25V02A data sheet (Infineon 001-90865), MB85RS256B data sheet (Fujitsu DS501-00021), and the numbers of
-//! ArduPilot's `AP_RAMTRON`. **It has not run on hardware.**
+//! ArduPilot's `AP_RAMTRON`. **This has not run on hardware.**
 
 use crate::store::Flash;
 use embassy_futures::yield_now;
@@ -26,7 +26,7 @@ const CHUNK: usize = 32;
 /// Half of the smallest chip.
 const SECTOR: usize = 8 * 1024;
 
-/// Manufacturer of a chip, which decides on the form of its identification.
+/// Manufacturer of a chip, which determines the form of its identification.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Maker {
@@ -40,7 +40,7 @@ pub enum Maker {
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Chip {
-    /// Who makes it.
+    /// Its manufacturer.
     pub maker: Maker,
     /// The two bytes of the product.
     pub product: [u8; 2],
@@ -82,7 +82,7 @@ pub const CHIPS: [Chip; 14] = [
 pub enum NotUsed {
     /// The bus reports an error.
     Bus,
-    /// There is no chip, or one that is not known: what was read as its identification.
+    /// There is no chip, or an unknown one: the bytes read as its identification.
     Unknown([u8; 9]),
     /// Its protection cannot be cleared: the pin WP may lock it.
     Protected,
@@ -100,7 +100,7 @@ impl core::fmt::Display for NotUsed {
 
 impl core::error::Error for NotUsed {}
 
-/// Recognises the chip. One whose supply has just come on may need some time until it answers.
+/// Recognises the chip. A chip that has just been powered up may need some time before it answers.
 ///
 /// # Errors
 /// [`NotUsed`] if it is not known.
@@ -141,7 +141,7 @@ impl<D: SpiDevice> Fram<D> {
         Ok((this, chip))
     }
 
-    /// The device, without the chip.
+    /// Gives the device back.
     pub fn into_device(self) -> D {
         self.device
     }
@@ -184,7 +184,7 @@ impl<D: SpiDevice> Fram<D> {
     }
 }
 
-/// Behind its end a chip would continue at its beginning.
+/// A chip would wrap to its beginning after its end.
 fn within(at: u32, length: usize) -> Result<(), NorFlashErrorKind> {
     match usize::try_from(at).ok().and_then(|at| at.checked_add(length)) {
         Some(end) if end <= 2 * SECTOR => Ok(()),
@@ -210,7 +210,7 @@ impl<D: SpiDevice> ReadNorFlash for Fram<D> {
 }
 
 impl<D: SpiDevice> NorFlash for Fram<D> {
-    /// The chip writes bytes. A start looks for a record at each word of somebody else's data, so words are long.
+    /// The chip itself writes bytes. A start searches each word of foreign data for a record, so words are long.
     const WRITE_SIZE: usize = CHUNK;
     const ERASE_SIZE: usize = SECTOR;
 
@@ -221,7 +221,7 @@ impl<D: SpiDevice> NorFlash for Fram<D> {
             let length = CHUNK.min((to - at) as usize);
             self.write_chunk(at, [0xFF; CHUNK].get(..length).unwrap_or_default())?;
             at += length as u32;
-            // The transfer is blocking: others have their turn.
+            // The transfer blocks: let other tasks run.
             yield_now().await;
         }
         Ok(())

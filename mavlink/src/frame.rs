@@ -1,7 +1,7 @@
 //! Frames of MAVLink: bytes to messages (version 1 and 2) and messages to bytes (version 2).
 //!
-//! A frame with a wrong checksum is searched for another one from its second byte on. A frame of an unknown message is
-//! skipped as a whole: what it carries may look like a frame.
+//! After a wrong checksum, the search continues at the second byte of the frame. A frame of an unknown message is
+//! skipped as a whole: its payload may look like a frame.
 
 use crate::dialect::MavMessage;
 use crate::fields::Fields;
@@ -18,27 +18,27 @@ use mavlink_core::MessageData;
 /// Largest frame that is sent here, signed.
 pub const MAX_SENT: usize = 10 + SENT_PAYLOAD + 2 + SIGNATURE;
 
-/// Looks at the beginning of a frame until the rest of it is given up: 0.5 s, as the service looks every 50 ms. Behind damaged bytes that
-/// look like the beginning of a long frame a stop would have to wait until as many bytes have come.
+/// Number of checks until an incomplete frame is given up: 0.5 s, as the service checks every 50 ms. Otherwise damaged bytes that look
+/// like the beginning of a long frame would delay a stop until as many bytes have arrived.
 const PATIENCE: u8 = 10;
 
 const START_V1: u8 = 0xFE;
 const START_V2: u8 = 0xFD;
 const SIGNED: u8 = 0x01;
 
-/// Small: a table of it is half a kilobyte, for some thousand bytes a second.
+/// Without a table, which would take half a kilobyte, for some thousand bytes a second.
 const CHECKSUM: crc::Crc<u16, crc::NoTable> = crc::Crc::<u16, crc::NoTable>::new(&crc::CRC_16_MCRF4XX);
 
 /// A message with its sender.
 #[derive(Clone, PartialEq)]
 pub struct Frame {
-    /// Who sent it.
+    /// Its sender.
     pub from: Address,
     /// The number of its message.
     pub id: u32,
-    /// What is in the message.
+    /// Contents of the message.
     pub(crate) fields: Fields,
-    /// What was found of its signature.
+    /// Result of checking its signature.
     pub signature: Signature,
 }
 
@@ -78,7 +78,7 @@ pub struct Received {
 pub struct Decoder {
     /// The beginning of a frame, or nothing.
     buffer: Vec<u8, MAX_FRAME>,
-    /// How often it was looked at while it began with the same byte.
+    /// Number of checks while it began with the same byte.
     looks: u8,
     counters: Received,
 }
@@ -97,7 +97,7 @@ enum Found {
 }
 
 impl Decoder {
-    /// Without a byte.
+    /// A decoder without bytes.
     pub const fn new() -> Self {
         Self {
             buffer: Vec::new(),
@@ -106,19 +106,19 @@ impl Decoder {
         }
     }
 
-    /// Forgets the beginning of a frame: its rest does not come.
+    /// Forgets the beginning of a frame: the rest will not arrive.
     pub(crate) fn clear(&mut self) {
         self.buffer.clear();
         self.looks = 0;
     }
 
-    /// What was received.
+    /// Counters of what was received.
     pub const fn counters(&self) -> Received {
         self.counters
     }
 
-    /// Takes bytes until a frame is complete. Returns how many it took, and the frame. With none left to take, it may still
-    /// hold frames: call it until it returns none. Signatures are verified with the key, if there is one.
+    /// Takes bytes until a frame is complete. Returns how many it took, and the frame. It may hold further frames when all
+    /// bytes are taken: call it until it returns none. Signatures are verified with the key, if there is one.
     pub fn receive(&mut self, key: Option<&Key>, bytes: &[u8]) -> (usize, Option<Frame>) {
         if let Some(frame) = self.search(key) {
             return (0, Some(frame));
@@ -135,7 +135,7 @@ impl Decoder {
         (bytes.len(), None)
     }
 
-    /// Gives up a frame whose rest does not come. Call it every 50 ms, and then [`Self::receive`].
+    /// Gives up a frame whose rest does not arrive. Call it every 50 ms, and then [`Self::receive`].
     pub fn look_after(&mut self) {
         self.looks = self.looks.saturating_add(1);
         if self.buffer.is_empty() {
@@ -174,7 +174,7 @@ impl Decoder {
 
     fn drop_first(&mut self, count: usize) {
         self.looks = 0;
-        // What is left fits. A copy in place is 1.4 kB of `core`.
+        // The rest fits. A copy in place would add 1.4 kB of `core`.
         self.buffer = Vec::from_slice(self.buffer.get(count..).unwrap_or_default()).unwrap_or_default();
     }
 
@@ -245,7 +245,7 @@ pub(crate) fn encode<M: MessageData>(from: Address, sequence: u8, message: &M) -
     encode_payload(from, sequence, &generated(message), false)
 }
 
-/// The same as the beginning of a signed frame: its signature has to follow.
+/// The same, as the beginning of a signed frame: its signature has to follow.
 #[cfg(test)]
 pub(crate) fn encode_to_sign<M: MessageData>(from: Address, sequence: u8, message: &M) -> Vec<u8, MAX_FRAME> {
     encode_payload(from, sequence, &generated(message), true)
@@ -413,7 +413,7 @@ mod tests {
         }
     }
 
-    /// What looks like an unknown message costs its length, 280 bytes at most.
+    /// Bytes that look like an unknown message cost its length, 280 bytes at most.
     #[test]
     fn a_start_byte_in_noise_costs_280_bytes_at_most() {
         let good = encode(FROM, 1, &heartbeat());
@@ -453,7 +453,7 @@ mod tests {
         signed.extend_from_slice(&[0xFD; SIGNATURE]).unwrap();
         signed.extend_from_slice(&plain).unwrap();
         assert_eq!(all(&mut Decoder::new(), &signed).len(), 2);
-        // Another flag means a frame that nobody here understands.
+        // An unknown flag means that the frame cannot be understood.
         signed[2] = 0x02;
         assert_eq!(all(&mut Decoder::new(), &signed).len(), 1);
     }

@@ -1,4 +1,4 @@
-//! Numbers and addresses of MAVLink that jetlink uses, as the MAVLink documents have them. Received numbers stay numbers: an unknown one is
+//! Numbers and addresses of MAVLink that jetlink uses, as in the MAVLink documents. Received numbers stay numbers: an unknown one is
 //! answered, not dropped.
 
 /// Largest frame: header, payload, checksum and signature.
@@ -68,7 +68,7 @@ pub enum Ack {
     TemporarilyRejected = 1,
     /// Never with these values, or not from this system.
     Denied = 2,
-    /// Not known here.
+    /// Unknown here.
     Unsupported = 3,
     /// It began, and failed.
     Failed = 4,

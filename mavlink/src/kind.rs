@@ -1,4 +1,4 @@
-//! What a message that came in would do: a stop is the least that a node obeys, and to read is no danger.
+//! Effect of a received message: a node always obeys a stop, and a read is harmless.
 
 #[cfg(feature = "signing")]
 use crate::dialect::{COMMAND_INT_DATA, COMMAND_LONG_DATA, PARAM_SET_DATA};
@@ -16,16 +16,16 @@ use mavlink_core::MessageData;
 /// Kind of a message.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Kind {
-    /// It stops an engine, and does nothing else.
+    /// It only stops an engine.
     Stops,
     /// It reads, or sets what is sent.
     Reads,
-    /// All else: it starts an engine or tests it, releases a stop, sets, restarts the node.
+    /// Anything else: it starts or tests an engine, releases a stop, changes a setting, restarts the node.
     Acts,
 }
 
 impl Kind {
-    /// Of a command with its first parameter, whatever it is addressed to.
+    /// Kind of a command with its first parameter, whatever it is addressed to.
     pub fn of_command(command: u16, first: f32) -> Self {
         match command {
             CMD_DO_ENGINE_CONTROL if first == 0.0 => Self::Stops,
@@ -36,7 +36,7 @@ impl Kind {
         }
     }
 
-    /// Of a frame that is not a `COMMAND_CANCEL`, with what it is addressed to.
+    /// Kind of a frame that is not a `COMMAND_CANCEL`, with its target.
     #[cfg(feature = "signing")]
     pub fn of_frame(frame: &Frame) -> (Self, Address) {
         let fields = &frame.fields;
@@ -51,7 +51,7 @@ impl Kind {
         }
     }
 
-    /// Of a `COMMAND_CANCEL`.
+    /// Kind of a `COMMAND_CANCEL`.
     pub const fn of_cancel(command: u16) -> Self {
         if command == CMD_DO_ENGINE_CONTROL { Self::Stops } else { Self::Reads }
     }

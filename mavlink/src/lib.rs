@@ -1,21 +1,22 @@
 //! MAVLink of a turbine node: engines in the ground station, throttle from the autopilot, settings as parameters.
 //!
-//! A [`Service`](service::Service) is sans IO, as the links are: bytes of each port and the time in, frames out. It commands
-//! engines as one source, through [`jetlink::channel::Source`], and sees of them what all other code sees: telemetry and events.
-//! `docs/mavlink.md` of the repository has the messages, commands and parameters.
+//! A [`Service`](service::Service) is sans IO, like the links: bytes of each port and the time in, frames out. It commands
+//! engines as one source, through [`jetlink::channel::Source`], and sees only their telemetry and events, like all other code.
+//! `docs/mavlink.md` in the repository describes the messages, commands and parameters.
 //!
 //! | module | contents |
 //! |---|---|
 //! | [`ids`], [`frame`] | numbers of MAVLink; frames to messages and back |
-//! | [`signing`], `retained`, `cover` | who has the key may command; the key over a reset, and over a loss of power |
-//! | [`store`], [`record`], [`fram`], [`retained_settings`] | settings that stay; an F-RAM that holds them; RAM, over a reset |
+//! | [`signing`], `retained`, `cover` | only senders with the key may command; how the key survives a reset and a loss of power |
+//! | [`store`], [`record`], [`fram`], [`retained_settings`] | stored settings; an F-RAM that stores them; RAM that retains them
+//! over a reset |
 //! | [`settings`], [`services`], [`refusal`] | parameters; the table of services; why something was refused |
 //! | `vehicle`, `servo`, `request` | our autopilot, its arming, its outputs, and the requested rate |
-//! | `kind` | what a message would do: it stops, reads or acts |
-//! | `engine` | one engine: its switch, its demand source, what arms it |
-//! | [`attached`] | what else is attached: a receiver of radio control, fuel valves |
+//! | `kind` | effect of a message: it stops, reads or acts |
+//! | `engine` | one engine: its switch, its demand source, its arming |
+//! | [`attached`] | other attached devices: a receiver of radio control, fuel valves |
 //! | [`report`], `text`, [`port`] | messages of an engine; texts; a port and its share of telemetry |
-//! | [`packets`] | a port of packets, as USB has it: when a program has it open |
+//! | [`packets`] | a port of packets, like USB: when a program has it open |
 //! | [`service`], [`runner`] | all together; the clock and the ports |
 //!
 //! **Nothing here has run on hardware yet.**

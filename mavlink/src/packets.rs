@@ -1,15 +1,15 @@
-//! A port that carries packets, as the serial port of USB (CDC-ACM) does: when a program on the host has it open, and how packets
+//! A port that carries packets, like the serial port of USB (CDC-ACM): when a program on the host has it open, and how packets
 //! come and go.
 //!
-//! What waits when an opening ends is dropped, and the next one begins clean: nothing of an earlier one is sent, finished or obeyed in
-//! it ([`Runner::serve_packets`](crate::runner::Runner::serve_packets)).
+//! Anything that waits when the port is closed is dropped, and the next opening begins clean: nothing from an earlier one is sent,
+//! finished or obeyed ([`Runner::serve_packets`](crate::runner::Runner::serve_packets)).
 
 use core::cell::Cell;
 use core::fmt;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 
-/// Largest packet of a bulk endpoint at full speed. A shorter one ends what the host waits for; so a full one has to be followed by
+/// Largest packet of a bulk endpoint at full speed. A shorter one ends a transfer to the host, so a full one has to be followed by
 /// another, empty if need be.
 pub const PACKET: usize = 64;
 
@@ -27,13 +27,14 @@ impl core::error::Error for NotConfigured {}
 
 /// Packets from the host.
 pub trait ReadPacket {
-    /// Waits for a packet, and returns its length. Dropped before it is ready, it has taken none.
+    /// Waits for a packet, and returns its length. If the future is dropped before it is ready, it has taken none.
     fn read(&mut self, packet: &mut [u8; PACKET]) -> impl Future<Output = Result<usize, NotConfigured>>;
 }
 
 /// Packets to the host.
 pub trait WritePacket {
-    /// Waits until the packet before is sent, and hands over this one. Dropped before it is ready, it has sent nothing of it.
+    /// Waits until the previous packet is sent, and hands over this one. If the future is dropped before it is ready, it has sent
+    /// nothing of it.
     fn write(&mut self, packet: &[u8]) -> impl Future<Output = Result<(), NotConfigured>>;
 }
 
@@ -42,15 +43,15 @@ pub trait WritePacket {
 struct State {
     configured: bool,
     suspended: bool,
-    /// A program has the port open and says so (DTR).
+    /// A program has the port open and signals it (DTR).
     terminal: bool,
-    /// A packet has come. Not every program says that it is there.
+    /// A packet has arrived. Not every program sets DTR.
     received: bool,
     is_open: bool,
     openings: u32,
 }
 
-/// Whether a program on the host has the port open. It does no IO: it is given what the host does.
+/// Whether a program on the host has the port open. It does no IO: the caller reports what the host does.
 #[derive(Default)]
 pub struct Connection {
     state: Cell<State>,
@@ -64,7 +65,7 @@ impl fmt::Debug for Connection {
 }
 
 impl Connection {
-    /// With no host.
+    /// A connection without a host.
     pub const fn new() -> Self {
         let state = State {
             configured: false,
@@ -77,7 +78,7 @@ impl Connection {
         Self { state: Cell::new(state), changed: Signal::new() }
     }
 
-    /// The bus was reset, or the power of the bus is gone: the host begins from the start.
+    /// The bus was reset or has lost its power: the host starts over.
     pub fn reset(&self) {
         self.set_configured(false);
         self.set_suspended(false);
@@ -88,7 +89,7 @@ impl Connection {
         self.change(|state| State { configured, terminal: false, received: false, ..state });
     }
 
-    /// The bus is idle, as with a host that sleeps or a cable that was pulled, or is no longer.
+    /// The bus has become idle (the host sleeps or the cable was pulled), or is no longer.
     pub fn set_suspended(&self, suspended: bool) {
         self.change(|state| State { suspended, received: false, ..state });
     }
@@ -96,14 +97,14 @@ impl Connection {
     /// A program on the host opens the port, or closes it (DTR).
     pub fn set_terminal(&self, terminal: bool) {
         let opens = terminal && !self.state.get().terminal;
-        // It may be the next one of those that say nothing.
+        // It may be another program that does not set DTR.
         if opens {
             self.change(|state| State { received: false, ..state });
         }
         self.change(|state| State { terminal, received: state.received && terminal, ..state });
     }
 
-    /// A packet has come: a program has the port open, whether it says so or not.
+    /// A packet has arrived: a program has the port open, with or without DTR.
     pub fn packet_came(&self) {
         self.change(|state| State { received: true, ..state });
     }
@@ -121,13 +122,13 @@ impl Connection {
         }
     }
 
-    /// Number of the opening; `None`: no program has the port open. No two in a row are alike.
+    /// Number of the opening; `None`: no program has the port open. No two consecutive ones are equal.
     pub fn opening(&self) -> Option<u32> {
         let state = self.state.get();
         state.is_open.then_some(state.openings)
     }
 
-    /// Waits until the opening is another one than this. For one waiter.
+    /// Waits until the opening differs from this one. For one waiter.
     pub async fn wait_for_another(&self, than: Option<u32>) -> Option<u32> {
         loop {
             let opening = self.opening();
@@ -206,7 +207,7 @@ mod tests {
         assert_eq!(connection.opening(), None, "until it sends again");
         connection.packet_came();
         assert_eq!(connection.opening(), Some(2));
-        // Another program comes, which says so, and goes.
+        // Another program opens the port with DTR, and closes it.
         connection.set_terminal(true);
         assert_eq!(connection.opening(), Some(3));
         connection.packet_came();

@@ -1,7 +1,7 @@
 //! One port: frames in, a queue of frames out, and its share of telemetry.
 //!
 //! Telemetry stays below a quarter of the port, and is the first to be dropped: an answer finds space as long as the port
-//! moves at all.
+//! transmits at all.
 
 use crate::frame::{Address, Decoder, MAX_FRAME, Received, encode_payload};
 use crate::sent::Payload;
@@ -13,7 +13,7 @@ use heapless::{Deque, Vec};
 const QUEUE: usize = 1024;
 /// Bytes that may wait when telemetry is added. The rest is for answers.
 const TELEMETRY_QUEUE: usize = 384;
-/// Telemetry that may come at once, as a time of the port's quarter.
+/// Telemetry that may be sent at once, as a time of the port's quarter.
 const BURST: Duration = Duration::from_millis(400);
 
 /// Time between the named values of two engines.
@@ -23,14 +23,14 @@ const STAGGER: Duration = Duration::from_millis(130);
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PortConfig {
-    /// Bytes a second that it carries. A UART of 57 600 baud: 5760.
+    /// Capacity, bytes per second. A UART at 57 600 baud: 5760.
     pub bytes_per_second: u32,
-    /// Whether only a person at the board can use it. What comes from there needs no signature, and may set the key.
+    /// Whether only a person at the board can use it. Its frames need no signature, and may set the key.
     pub usb: bool,
 }
 
 impl PortConfig {
-    /// A UART, with 10 bits for a byte.
+    /// A UART, with 10 bits per byte.
     pub const fn uart(baud: u32) -> Self {
         Self { bytes_per_second: baud / 10, usb: false }
     }
@@ -55,17 +55,17 @@ impl PortConfig {
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PortCounters {
-    /// What was received.
+    /// Counters of what was received.
     pub received: Received,
     /// Frames that were queued for sending.
     pub queued: u32,
     /// Frames of telemetry that were dropped.
     pub telemetry_dropped: u32,
-    /// Answers that were dropped: the port does not move.
+    /// Answers that were dropped: the port does not transmit.
     pub answers_dropped: u32,
 }
 
-/// What a frame is sent for.
+/// Purpose of a frame.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Class {
     /// An answer, or a heartbeat.
@@ -103,7 +103,7 @@ impl Schedule {
         if now < self.next {
             return false;
         }
-        // In step, but never more than one behind.
+        // On schedule, but never more than one interval behind.
         let next = self.next.checked_add(every).unwrap_or(Instant::MAX);
         self.next = if next <= now { now.checked_add(every).unwrap_or(Instant::MAX) } else { next };
         true
@@ -150,7 +150,7 @@ impl<const N: usize> Port<N> {
     pub fn new(now: Instant, config: PortConfig, engines: usize) -> Self {
         let mut streams = Vec::new();
         for engine in 0..engines.min(N) {
-            // Not all at one time.
+            // Not all at the same time.
             let offset = STAGGER * (engine as u32 + 1);
             // There is space for each.
             let _ = streams.push(Streams {
@@ -194,7 +194,7 @@ impl<const N: usize> Port<N> {
         PortCounters { received: self.decoder.counters(), ..self.counters }
     }
 
-    /// Queues a frame. `engine`: which one sends it; `None`: the node. `seal`: what it is signed with.
+    /// Queues a frame. `engine`: which one sends it; `None`: the node. `seal`: signs it.
     pub fn send(
         &mut self,
         now: Instant,
@@ -237,7 +237,7 @@ impl<const N: usize> Port<N> {
         };
         *sequence = sequence.wrapping_add(1);
         self.counters.queued = self.counters.queued.wrapping_add(1);
-        // A frame that is dropped costs no hash.
+        // No hash is computed for a dropped frame.
         if let Some(seal) = seal {
             seal.sign(&mut frame);
         }
@@ -245,7 +245,7 @@ impl<const N: usize> Port<N> {
         true
     }
 
-    /// Counts bytes that are sent in any case as telemetry.
+    /// Counts bytes as telemetry that are sent in any case.
     pub fn charge(&mut self, now: Instant, bytes: usize) {
         let limit = now + BURST + BURST;
         self.used_until = (self.used_until.max(now) + self.quarter(bytes)).min(limit);
@@ -306,7 +306,7 @@ mod tests {
         assert!((14_000..15_100).contains(&sent), "{sent}");
         assert!(port.counters().telemetry_dropped > 9000);
 
-        // Nothing moves: telemetry leaves space for answers.
+        // Nothing is transmitted: telemetry leaves space for answers.
         let now = start + Duration::from_secs(60);
         (0..100).for_each(|i| {
             port.send(now + Duration::from_secs(i), FROM, Some(0), Class::Telemetry, &value, None);

@@ -1,5 +1,4 @@
-//! Records of settings, as they are stored: the settings of one component by their names, so that another firmware's table may have
-//! others.
+//! Records of settings, as stored: the settings of one component by their names, so that another firmware's table may differ.
 
 use crate::settings::{EngineSettings, NodeSettings, Table, find_row};
 #[cfg(feature = "signing")]
@@ -14,20 +13,20 @@ use jetlink::wiring::Wiring;
 /// A record.
 pub type Record = Vec<u8, RECORD>;
 
-/// Digest of a name. It differs for all names of a component, which a test checks.
+/// Digest of a name. A test checks that all names of a component have different ones.
 pub(crate) fn hash(name: &str) -> u16 {
     Checksum::new().bytes(name.as_bytes()).value() as u16
 }
 
-/// What a record is of, in its first byte.
+/// First byte of a record: what it contains. This is the node.
 const NODE: u8 = 0;
-/// Of what is attached. Protocols of ECUs have the numbers between.
+/// First byte for the attached devices. The protocols of ECUs have the numbers between.
 const ATTACHED: u8 = 0xFF;
 
-/// Key of the record of what is attached, for the first engine; the engines' own keys are from 1 on.
+/// Key of the record of attached devices, for the first engine; the engines' own keys are from 1 on.
 const FIRST_ATTACHED: u8 = 0x81;
 
-/// Key of the record of what is attached, for an engine from 0.
+/// Key of the record of attached devices, for an engine from 0.
 pub(crate) fn attached_key(engine: usize) -> Option<u8> {
     u8::try_from(engine).ok()?.checked_add(FIRST_ATTACHED)
 }
@@ -37,10 +36,10 @@ pub fn engine_of_attached(key: u8) -> Option<usize> {
     key.checked_sub(FIRST_ATTACHED).map(usize::from)
 }
 
-/// Key of the record of signing, between the engines' and those of what is attached. An image without signing ignores it.
+/// Key of the record of signing, between those of the engines and of attached devices. An image without signing ignores it.
 #[cfg(feature = "signing")]
 pub(crate) const SIGNING_KEY: u8 = 0x80;
-/// What it is of.
+/// First byte of the record of signing.
 #[cfg(feature = "signing")]
 const SIGNING: u8 = 0xFE;
 
@@ -69,13 +68,13 @@ fn kind(config: &EngineConfig) -> u8 {
     config.ecu.protocol_number()
 }
 
-/// Digest of the wiring of an engine, from 0, in the record of the node: one number has all of it, so that there is space.
+/// Digest of the wiring of an engine, from 0, in the record of the node: one number holds all of it, to save space.
 pub(crate) fn hash_of_wiring(engine: usize) -> u16 {
     Checksum::new().bytes(b"wiring").words(&[engine as u32]).value() as u16
 }
 
 fn push(record: &mut Record, hash: u16, value: i32) {
-    // There is space for 40 and the kind; a test.
+    // There is space for 40 and the kind: a test checks it.
     let _ = record.extend_from_slice(&hash.to_le_bytes());
     let _ = record.extend_from_slice(&value.to_le_bytes());
 }
@@ -105,7 +104,7 @@ fn values(kind: u8, record: &[u8]) -> impl Iterator<Item = (u16, i32)> {
         .map(|&[h0, h1, v0, v1, v2, v3]| (u16::from_le_bytes([h0, h1]), i32::from_le_bytes([v0, v1, v2, v3])))
 }
 
-/// The values of a record that fit the rows. What is no longer known, or now out of range, is left out.
+/// The values of a record that fit the rows. Values that are unknown or out of range now are left out.
 fn read(kind: u8, record: &[u8], table: Table<'_>) -> impl Iterator<Item = (&'static str, i32)> {
     values(kind, record).filter_map(move |(of, value)| {
         let row = find_row(table, &mut |row| hash(row.name) == of)?;
@@ -113,8 +112,8 @@ fn read(kind: u8, record: &[u8], table: Table<'_>) -> impl Iterator<Item = (&'st
     })
 }
 
-/// The record of the node; with a default, what differs from it. Of the wiring of engines always what differs from that of the image: where nobody
-/// has set it, another image has its own.
+/// The record of the node; with a default, what differs from it. Of the engines' wiring, always what differs from the image's: where nobody has
+/// set it, another image uses its own.
 pub(crate) fn of_node(
     settings: &NodeSettings,
     default: Option<&NodeSettings>,
@@ -148,12 +147,12 @@ pub(crate) fn of_engine(
     })
 }
 
-/// The record of what is attached, for one engine.
+/// The record of attached devices, for one engine.
 pub(crate) fn of_attached(rows: &'static [&'static [Row]], value: &dyn Fn(&str) -> Option<i32>) -> Record {
     write(ATTACHED, Table::Attached(rows), value)
 }
 
-/// Takes the settings of what is attached from a record: names and values, each within its range. Check the whole.
+/// Takes the settings of attached devices from a record: names and values, each within its range. Check that they fit together.
 pub fn read_attached(
     rows: &'static [&'static [Row]],
     record: &[u8],
@@ -161,7 +160,7 @@ pub fn read_attached(
     read(ATTACHED, record, Table::Attached(rows))
 }
 
-/// Takes the settings of the node, and what is stored of the wiring of its engines, from its record.
+/// Takes the settings of the node, and the stored wiring of its engines, from its record.
 pub fn apply_to_node(settings: &mut NodeSettings, wiring: &mut [Wiring], record: &[u8]) {
     for (name, value) in read(NODE, record, Table::Node) {
         settings.set(name, value);
@@ -175,7 +174,7 @@ pub fn apply_to_node(settings: &mut NodeSettings, wiring: &mut [Wiring], record:
     }
 }
 
-/// Takes the settings of an engine from its record. Those that do not fit together stay as they were.
+/// Takes the settings of an engine from its record. Settings that do not fit together stay unchanged.
 pub fn apply_to_engine(config: &mut EngineConfig, settings: &mut EngineSettings, record: &[u8]) {
     let (mut new, mut own) = (*config, *settings);
     for (name, value) in read(kind(config), record, Table::Engine(config)) {

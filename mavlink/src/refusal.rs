@@ -14,17 +14,17 @@ pub enum Refusal {
     Engine(Rejected),
     /// A system that may not command.
     NotAllowed(u8),
-    /// A parameter of the command, or a setting beside others, has a value that it cannot have.
+    /// A parameter of the command has an invalid value, or a setting contradicts others.
     Malformed(&'static str),
     /// The vehicle is disarmed.
     NotArmed,
-    /// It has not shown disarmed since the emergency stop.
+    /// The vehicle has not been seen disarmed since the emergency stop.
     ArmedBeforeStop,
     /// The engine is ordered to run, or may run.
     AlreadyRuns,
     /// The demand source is silent.
     NoDemand,
-    /// The system that commanded sends no heartbeats, which keep the order alive where the engine has no demand source.
+    /// The commanding system sends no heartbeats, which keep the order alive if the engine has no demand source.
     NoHeartbeat,
     /// The demand is above idle.
     NotIdle,
@@ -49,9 +49,9 @@ pub enum Refusal {
     UnknownSetting,
     /// A value is out of its range.
     OutOfRange(&'static Row),
-    /// The line has no time for what a setting of the link needs.
+    /// The line is too slow for a setting of the link.
     LineTooSlow,
-    /// A setting is a whole number.
+    /// The setting has to be a whole number.
     NotWhole,
     /// The end points of a throttle are in the wrong order.
     EndPoints,
@@ -59,13 +59,13 @@ pub enum Refusal {
     StoreFull,
     /// Nothing is stored, and RAM that survives a reset has no space for another change.
     RamFull,
-    /// The store does not take it.
+    /// The store does not accept it.
     StoreFails,
     /// Too many settings wait to be stored.
     StoreBusy,
-    /// The stored settings are damaged, so that who may command is not known.
+    /// The stored settings are damaged, so it is unknown who may command.
     Damaged,
-    /// They are not.
+    /// The stored settings are not damaged.
     #[cfg(feature = "signing")]
     NotDamaged,
     /// An engine is not reported at rest.

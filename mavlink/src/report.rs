@@ -1,7 +1,7 @@
-//! What an engine reports as messages: `HEARTBEAT`, `EFI_STATUS` and named values.
+//! Reports of an engine as messages: `HEARTBEAT`, `EFI_STATUS` and named values.
 //!
-//! `EFI_STATUS` has the fields of ArduPilot's own turbine driver. No field is ever NaN, and what a receiver casts to 8 bits is
-//! clamped: 0 means "not known" there.
+//! `EFI_STATUS` has the fields of ArduPilot's own turbine driver. No field is ever NaN, and fields that a receiver casts to 8
+//! bits are clamped: 0 means "not known" there.
 
 use crate::dialect::{EFI_STATUS_DATA, HEARTBEAT_DATA};
 use crate::ids::{AUTOPILOT_INVALID, MODE_CUSTOM, SystemStatus, TYPE_GENERIC};
@@ -23,7 +23,7 @@ pub mod flag {
     pub const SWITCH_AT_RUN: u32 = 1 << 9;
     /// An emergency stop is latched.
     pub const STOP_LATCHED: u32 = 1 << 10;
-    /// It is in doubt whether the engine runs.
+    /// It is unclear whether the engine runs.
     pub const IN_DOUBT: u32 = 1 << 11;
     /// A limit holds the demand at the fail-safe throttle.
     pub const LIMITED: u32 = 1 << 12;
@@ -63,7 +63,7 @@ pub(crate) fn heartbeat(telemetry: &Telemetry, at_run: bool) -> HEARTBEAT_DATA {
     heartbeat_of(custom_mode, status)
 }
 
-/// What the heartbeat of the node says of its engines.
+/// What the heartbeat of the node reports of its engines.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub(crate) struct Fleet {
     pub engines: u8,
@@ -93,7 +93,7 @@ pub(crate) const fn node_heartbeat(fleet: Fleet, damaged: bool) -> HEARTBEAT_DAT
     heartbeat_of(custom_mode, status)
 }
 
-/// Every field is filled: the default of the generated type is armed.
+/// Sets every field: the default of the generated type is armed.
 const fn heartbeat_of(custom_mode: u32, status: SystemStatus) -> HEARTBEAT_DATA {
     HEARTBEAT_DATA {
         custom_mode,
@@ -191,7 +191,7 @@ pub(crate) const EGT: &str = "egt";
 pub(crate) const FUEL_FLOW: &str = "flow";
 pub(crate) const THROTTLE: &str = "thr";
 
-/// The named values of an engine that are known. `with_main`: also those that `EFI_STATUS` has, where that is not sent.
+/// The named values of an engine that are known. `with_main`: also those in `EFI_STATUS`, if that is not sent.
 pub(crate) fn named_values(
     telemetry: &Telemetry,
     link_quality: Option<f32>,

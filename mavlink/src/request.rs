@@ -2,7 +2,7 @@
 
 use embassy_time::{Duration, Instant};
 
-/// Intervals to request, the next one when an autopilot denies the one before. ArduPlane grants 25 ms at 50 Hz.
+/// Intervals to request: each when an autopilot denies the previous one. ArduPlane grants 25 ms at 50 Hz.
 const INTERVALS: [Duration; 3] =
     [Duration::from_millis(25), Duration::from_millis(50), Duration::from_millis(100)];
 /// Time between two requests, unless one was denied.
@@ -10,7 +10,7 @@ const AGAIN: Duration = Duration::from_secs(5);
 /// Time over which the rate is measured.
 const MEASURE: Duration = Duration::from_secs(2);
 
-/// What was requested and what was received.
+/// What was requested, and what was received.
 #[derive(Debug)]
 pub(crate) struct RateRequest {
     /// Place in [`INTERVALS`].
@@ -20,7 +20,7 @@ pub(crate) struct RateRequest {
     /// Frames since the measurement began.
     frames: u32,
     since: Instant,
-    /// Too few came in the last measurement.
+    /// Too few arrived in the last measurement.
     slow: bool,
 }
 
@@ -36,7 +36,7 @@ impl RateRequest {
 
     /// The autopilot has answered a request.
     pub fn answered(&mut self, now: Instant, accepted: bool) {
-        // An answer that nobody waits for is not ours.
+        // An answer without a pending request is not for us.
         if self.granted || self.requested.is_none_or(|at| now >= at + AGAIN) {
             return;
         }
@@ -48,7 +48,7 @@ impl RateRequest {
         }
     }
 
-    /// The interval to request now, if any. `received`: the autopilot's heartbeats come.
+    /// The interval to request now, if any. `received`: the autopilot's heartbeats are received.
     pub fn due(&mut self, now: Instant, received: bool) -> Option<Duration> {
         let interval = INTERVALS.get(self.place).copied()?;
         if now >= self.since + MEASURE {
@@ -61,7 +61,7 @@ impl RateRequest {
             return None;
         }
         if self.granted {
-            // It may have restarted: what it denied before it may grant now.
+            // It may have restarted, and may now grant what it denied before.
             (self.granted, self.place) = (false, 0);
         }
         self.requested = Some(now);

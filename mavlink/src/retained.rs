@@ -1,7 +1,7 @@
-//! Key, last time stamp and senders in RAM that survives a reset, not a loss of power.
+//! Key, last time stamp and senders in RAM that survives a reset, but not a loss of power.
 //!
-//! A reset may come in the middle of a write: there are two copies, each with a checksum and a number, and they are written in turn. What
-//! else a power-up leaves there has no right checksum.
+//! A reset may interrupt a write: there are two copies, each with a checksum and a number, written alternately. The random contents after
+//! a power-up have no correct checksum.
 
 use crate::signing::{Key, STREAMS, SigningState, Stamp};
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -13,11 +13,11 @@ const KEY: usize = 8;
 /// Of a sender ([`SigningState::senders`]).
 const SENDER: usize = 2;
 
-/// In front of what the checksum is of: this layout.
+/// Prefix of the data under the checksum: it identifies this layout.
 const LAYOUT: &[u8] = b"jetlink key 2";
 
-/// The memory. Every content is valid, so that start-up need not initialise it. Each copy is written whole, and words after it, as an
-/// STM32H7 loses the last 64 bits that were written (AN5342).
+/// The memory. Any content is valid, so start-up need not initialise it. Each copy is written whole, with further words after it, as
+/// an STM32H7 loses the last 64 bits written (AN5342).
 #[derive(Debug)]
 #[repr(C, align(8))]
 pub struct KeyMemory {
@@ -40,7 +40,7 @@ impl KeyMemory {
         }
     }
 
-    /// The copy that is whole and was written last: its number, its place, and what it holds.
+    /// The intact copy that was written last: its number, its place and its contents.
     fn newest(&self) -> Option<(u32, usize, SigningState)> {
         let mut newest: Option<(u32, usize, SigningState)> = None;
         for (place, copy) in self.copies.iter().enumerate() {
@@ -56,12 +56,12 @@ impl KeyMemory {
         newest
     }
 
-    /// What was stored last; `None`: nothing was, since the power came.
+    /// The state stored last; `None`: nothing was stored since power-up.
     pub fn load(&self) -> Option<SigningState> {
         self.newest().map(|(.., state)| state)
     }
 
-    /// Stores key and stamp, if they are others than those that are there. Not from two priorities at once.
+    /// Stores key and stamp if they differ from the stored ones. Do not call it from two priorities at once.
     pub fn store(&self, state: &SigningState) {
         let (number, place) = match self.newest() {
             Some((.., stored)) if stored.key() == state.key() && stored.stamp() == state.stamp() => return,
@@ -162,7 +162,7 @@ mod tests {
             signing.judge(Instant::from_secs(1), port, from(component), signature)
         };
         assert_eq!(judge(&mut signing, 1, 92 * day, 0), Ok(()));
-        // The first one that is ahead takes our clock with it; the second was there before.
+        // The first one that is ahead advances our clock; the second was there before.
         let state = signing.state(Instant::from_secs(1));
         let state = state.with_sender([u32::from_le_bytes([3, 2, 9, 0x80 | 1 << 4]), 0]);
         let mut signing = Signing::new(Instant::from_secs(1), state);

@@ -1,4 +1,4 @@
-//! Settings in RAM that survives a reset, for a node that finds its stored settings damaged then. Only those that differ from the image's.
+//! Settings in RAM that survives a reset, for a node that then finds its stored settings damaged. Only those that differ from the image's.
 
 use crate::record::{Record, of_attached, of_engine, of_node};
 use crate::settings::{EngineSettings, NodeSettings};
@@ -9,27 +9,27 @@ use jetlink::config::EngineConfig;
 use jetlink::setting::Row;
 use jetlink::wiring::Wiring;
 
-/// The checksum is in front.
+/// Length of the checksum in front.
 const HEAD: usize = 4;
 
-/// What the settings of an image are without a change.
+/// Default settings of an image.
 #[derive(Clone, Copy, Debug)]
 pub struct Defaults<'a> {
-    /// Of the node.
+    /// Defaults of the node.
     pub node: &'a NodeSettings,
-    /// Of the engines.
+    /// Defaults of the engines.
     pub engines: &'a [EngineConfig],
-    /// Of their MAVLink; [`EngineSettings::DEFAULT`] where there are none.
+    /// Defaults of their MAVLink; [`EngineSettings::DEFAULT`] where there are none.
     pub own: &'a [EngineSettings],
     /// Wiring of the engines.
     pub wiring: &'a [Wiring],
-    /// Of what is attached.
+    /// Defaults of the attached devices.
     pub attached: AttachedDefaults,
-    /// Bytes of the memory that retains what differs.
+    /// Bytes of the memory that retains settings that differ.
     pub room: usize,
 }
 
-/// What the settings of an image are without a change, of what is attached.
+/// Default settings of an image for attached devices.
 #[derive(Clone, Copy, Debug)]
 pub struct AttachedDefaults {
     /// Its tables of settings.
@@ -44,13 +44,13 @@ impl AttachedDefaults {
 }
 
 impl<'a> Defaults<'a> {
-    /// Those of an engine.
+    /// The defaults of an engine.
     pub(crate) fn of_engine(&self, engine: usize) -> Option<(&'a EngineConfig, &'a EngineSettings)> {
         Some((self.engines.get(engine)?, self.own.get(engine).unwrap_or(&EngineSettings::DEFAULT)))
     }
 }
 
-/// These defaults as a number: in another image the changes are other ones.
+/// These defaults as a number: the retained changes fit only this image.
 #[inline(never)]
 pub fn fingerprint(defaults: &Defaults<'_>) -> u32 {
     let node = Checksum::new().bytes(&of_node(defaults.node, None, &[], &[]));
@@ -74,8 +74,8 @@ pub(crate) fn fit(records: impl Iterator<Item = (u8, Record)>, bytes: usize) -> 
     lengths.fold(HEAD, |sum, length| sum.saturating_add(2 + length)) <= bytes
 }
 
-/// The memory: checksum, then each record behind its key and its length. Every content is valid, so that start-up need not initialise it;
-/// what a power-up leaves there has no right checksum. Where the changes do not fit it holds none.
+/// The memory: checksum, then each record after its key and its length. Any content is valid, so start-up need not initialise it; random
+/// contents after a power-up have no correct checksum. If the changes do not fit, it holds none.
 #[derive(Debug)]
 #[repr(C, align(8))]
 pub struct SettingsMemory<const BYTES: usize> {
@@ -94,8 +94,8 @@ impl<const BYTES: usize> SettingsMemory<BYTES> {
         Self { bytes: [const { AtomicU8::new(0) }; BYTES] }
     }
 
-    /// Stores these records, and no others. A reset meanwhile leaves none: a mixture of two has no right checksum. False: they do not fit, and
-    /// none are stored ([`crate::service::Service::set_room`]).
+    /// Stores these records, and no others. A reset meanwhile leaves none: a mixture of old and new records has no correct checksum. False:
+    /// they do not fit, and none are stored ([`crate::service::Service::set_room`]).
     pub fn store(&self, fingerprint: u32, records: impl Iterator<Item = (u8, Record)>) -> bool {
         let mut content = Vec::<u8, BYTES>::new();
         let mut fits = content.extend_from_slice(&[0; HEAD]).is_ok();
@@ -110,7 +110,7 @@ impl<const BYTES: usize> SettingsMemory<BYTES> {
         let sum = checksum(fingerprint, &content);
         let sum = if fits { sum } else { !sum };
         content.iter_mut().zip(sum.to_le_bytes()).for_each(|(to, byte)| *to = byte);
-        // Twice: an STM32H7 loses the last 64 bits that were written (AN5342).
+        // Twice: an STM32H7 loses the last 64 bits written (AN5342).
         for _ in 0..2 {
             self.bytes.iter().zip(&content).for_each(|(slot, byte)| slot.store(*byte, Ordering::SeqCst));
         }
@@ -121,7 +121,7 @@ impl<const BYTES: usize> SettingsMemory<BYTES> {
         self.bytes.each_ref().map(|byte| byte.load(Ordering::SeqCst))
     }
 
-    /// Shows each record. False, and none: they are not whole, or of another image.
+    /// Passes each record to `each`. False, and no records: they are not intact, or from another image.
     pub fn load(&self, fingerprint: u32, each: &mut dyn FnMut(u8, &[u8])) -> bool {
         let content = self.content();
         let Some((head, mut rest)) = content.split_first_chunk::<HEAD>() else { return false };
@@ -184,14 +184,14 @@ mod tests {
             (1, of_engine(&ENGINES[0], own, Some((&ENGINES[0], own)))),
             (2, of_engine(&config, &settings, Some((&ENGINES[1], own)))),
         ];
-        // Nothing but what differs, behind the kind.
+        // Only settings that differ, after the kind.
         assert_eq!(records.each_ref().map(|(_, record)| record.len()), [1 + 2 * 6, 1, 1 + 3 * 6]);
         let fits = fit(records.clone().into_iter(), BYTES);
         assert_eq!(memory.store(fingerprint(&defaults(&ENGINES)), records.into_iter()), fits);
         fits
     }
 
-    /// The settings that a node starts with that has this memory; `None`: it has none.
+    /// The settings with which a node with this memory starts; `None`: the memory has none.
     fn found<const BYTES: usize>(
         memory: &SettingsMemory<BYTES>,
         engines: &[EngineConfig],

@@ -1,6 +1,6 @@
 //! Moves bytes and time between a service and its ports. Only this file reads the clock, and only this one waits.
 //!
-//! All loops of a node are polled by one task, which can be the least important one: nothing of an engine waits for it.
+//! One task polls all loops of a node. It can have the lowest priority: no engine waits for it.
 
 use crate::attached::{Attached, Nothing};
 use crate::packets::{Connection, PACKET, ReadPacket, WritePacket};
@@ -21,9 +21,9 @@ use embedded_io_async::{Read, Write};
 pub const WRITE: usize = 32;
 /// Bytes that are read at once.
 const READ: usize = 64;
-/// Pause after an error of a port, so that one that fails at once does not occupy the processor.
+/// Pause after a port error, so that a port that fails at once does not occupy the processor.
 const PAUSE: Duration = Duration::from_millis(10);
-/// Time between two looks at whether the engines are at rest.
+/// Time between two checks of whether the engines are at rest.
 const LOOK: Duration = Duration::from_millis(50);
 /// Time from a request to its delivery, in which the answers go out.
 const ANSWERED: Duration = Duration::from_millis(200);
@@ -65,7 +65,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Runner<'a, N, P, A> {
         self.service.borrow().port_counters(port)
     }
 
-    /// Does what is due, until the node has to do something itself. `after` comes after each step, for what has to be kept.
+    /// Does what is due until there is a request to the node. `after` is called after each step, to keep what has to be kept.
     #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read, and what waits")]
     pub async fn keep_time(&self, mut after: impl FnMut(Instant, &Service<'a, N, P, A>)) -> Request {
         let mut request = None;
@@ -87,7 +87,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Runner<'a, N, P, A> {
                 request = service.request(now).map(|new| request.unwrap_or((new, now + ANSWERED)));
                 next
             };
-            // What is being stored is not torn.
+            // A save in progress is not interrupted.
             if let Some((request, _)) = request.filter(|&(_, due)| now >= due)
                 && self.service.borrow().is_saved()
             {
@@ -102,8 +102,8 @@ impl<'a, const N: usize, const P: usize, A: Attached> Runner<'a, N, P, A> {
         join(self.read(port, rx), self.write(port, tx)).await;
     }
 
-    /// Serves a port of packets, counted from 0. It is open while a program on the host has it open, and what waits when that ends is
-    /// dropped. A host that does not read takes nothing, and holds up nothing else.
+    /// Serves a port of packets, counted from 0. It is open while a program on the host has it open; anything that waits when that
+    /// ends is dropped. A host that does not read takes nothing, and delays nothing else.
     #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read, and what waits")]
     pub async fn serve_packets(
         &self,
@@ -132,7 +132,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Runner<'a, N, P, A> {
                         connection.packet_came();
                         follow();
                         self.take(port, packet.get(..count).unwrap_or_default());
-                        // A host that sends without a pause does not keep other tasks from their turn.
+                        // A host that sends without a pause must not block other tasks.
                         yield_now().await;
                     }
                     Err(_) => Timer::after(PAUSE).await,
@@ -156,8 +156,8 @@ impl<'a, const N: usize, const P: usize, A: Attached> Runner<'a, N, P, A> {
         join(read, write).await;
     }
 
-    /// Stores settings. `at_rest` is what the store checks before it erases. It has to run from the start on, and is not to be
-    /// dropped while something is stored.
+    /// Stores settings. The store checks `at_rest` before it erases. This has to run from the start on, and must not be
+    /// dropped during a save.
     #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read, and what waits")]
     pub async fn keep<F: Flash, const KEYS: usize>(&self, store: &mut Store<'_, F, KEYS>, at_rest: &AtRest) {
         let watch = async {
@@ -167,11 +167,11 @@ impl<'a, const N: usize, const P: usize, A: Attached> Runner<'a, N, P, A> {
             }
         };
         let save = async {
-            // There is one save here, as its state is large. Saves that are left during a rewrite: of each, the first one
-            // last, and once more, which erases what was there before.
+            // Only one save is in the code, as its state is large. Saves left in a rewrite: one for each record, the
+            // first record last, and once more, which erases the previous records.
             let mut left = 0_usize;
             let mut rewrite = false;
-            // Whether a setting waits for the result of the whole.
+            // Whether a setting waits for the result of the whole rewrite.
             let mut requested = false;
             loop {
                 rewrite |= self.service.borrow_mut().take_rewrite();
@@ -241,7 +241,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Runner<'a, N, P, A> {
                 }
                 continue;
             }
-            // An empty packet behind a full one: the host passes on what it has.
+            // An empty packet after a full one: the host passes on what it has.
             match tx.write(packet.get(..count).unwrap_or_default()).await {
                 Ok(()) => was_full = count == PACKET,
                 Err(_) => {
@@ -279,7 +279,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Runner<'a, N, P, A> {
                 continue;
             }
             let bytes = bytes.get(..count).unwrap_or_default();
-            // What a port that fails does not take is lost, as on an open wire.
+            // Bytes that a failing port does not accept are lost, as on an open wire.
             if tx.write_all(bytes).await.is_err() || tx.flush().await.is_err() {
                 Timer::after(PAUSE).await;
             }

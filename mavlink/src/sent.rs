@@ -1,4 +1,4 @@
-//! The messages that are sent, as payloads: one way to write serves all of them. A test compares it with the generated code.
+//! Payloads of the messages that are sent: one writer serves all of them. A test compares it with the generated code.
 
 use crate::dialect::*;
 use mavlink_core::MessageData;
@@ -6,7 +6,7 @@ use mavlink_core::MessageData;
 /// Largest payload that is sent here: `EFI_STATUS`.
 pub(crate) const SENT_PAYLOAD: usize = 73;
 
-/// A message as bytes. All behind this is the same code for every message.
+/// A message as bytes. From here on, the code is the same for every message.
 #[derive(Debug)]
 pub(crate) struct Payload {
     pub id: u32,
@@ -22,7 +22,7 @@ impl Payload {
         payload
     }
 
-    /// Writes bytes from this one on.
+    /// Writes bytes from offset `at` on.
     #[inline(never)]
     pub fn put(&mut self, at: usize, bytes: &[u8]) {
         self.bytes.iter_mut().skip(at).zip(bytes).for_each(|(to, byte)| *to = *byte);
@@ -32,7 +32,7 @@ impl Payload {
         self.put(at, &value.to_le_bytes());
     }
 
-    /// What is sent: all but the zeros at the end, and at least one byte.
+    /// The bytes to send: all but the zeros at the end, and at least one byte.
     pub fn bytes(&self) -> &[u8] {
         let length = self.bytes.iter().rposition(|&byte| byte != 0).map_or(1, |last| last + 1);
         self.bytes.get(..length).unwrap_or_default()
@@ -180,7 +180,7 @@ mod tests {
     use super::*;
     use mavlink_core::MavlinkVersion;
 
-    /// As the generated code writes a message in which no two bytes are the same, one that is nothing but zeros, and one that ends with
+    /// Compares with the generated code for a message in which no two bytes are the same, one of zeros only, and one that ends with
     /// zeros.
     fn is_as_generated<M: Sent>() {
         for bytes in

@@ -1,12 +1,12 @@
-//! The table of services: `MAV_CMD_USER_1` with the service in param1. An autopilot that carries a command out itself,
-//! because it has not received the component yet, does not know this one: so it is harmless there.
+//! The table of services: `MAV_CMD_USER_1` with the service in param1. An autopilot that has not received the
+//! component yet may carry out a command itself; it does not know this one, so that is harmless.
 
 use crate::ids::CMD_USER_1;
 use jetlink::ecu::zk::codec::{AccelerationCurve, Action, IgnitionPumpVoltage};
 use jetlink::ecu::{Service, amt, zk};
 use jetlink::units::Millivolts;
 
-/// Value of param2 that an emergency stop and its release need.
+/// Value of param2 that an emergency stop and its release require.
 pub const MAGIC: i32 = 21196;
 
 /// A row of the table.
@@ -14,7 +14,7 @@ pub const MAGIC: i32 = 21196;
 pub struct Row {
     /// param1.
     pub number: i32,
-    /// What the other parameters are.
+    /// Meaning of the other parameters.
     pub params: &'static str,
     /// What it does.
     pub text: &'static str,
@@ -76,7 +76,7 @@ pub(crate) enum NodeService {
     Ecu(Service),
 }
 
-/// Whether a service stops an engine, and does nothing else.
+/// Whether a service only stops an engine.
 pub(crate) fn is_stop(first: f32) -> bool {
     first == 1.0 || first == 3.0
 }
@@ -143,7 +143,7 @@ mod tests {
         }
     }
 
-    /// The compiler names here the services of a new protocol.
+    /// The compiler reports here the services of a new protocol.
     const fn number(service: Service) -> u8 {
         match service {
             Service::Amt(amt::config::Service::Ctf) => 10,

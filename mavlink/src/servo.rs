@@ -1,24 +1,24 @@
-//! Throttle from an autopilot: when a frame of `SERVO_OUTPUT_RAW` is valid, and what a pulse width means.
+//! Throttle from an autopilot: the validity of a `SERVO_OUTPUT_RAW` frame, and the meaning of its pulse widths.
 
 use crate::settings::EngineSettings;
 use embassy_time::{Duration, Instant};
 use jetlink::units::Throttle;
 
-/// Largest delay of a frame behind the quickest one.
+/// Largest delay of a frame relative to the quickest one.
 const LATE: Duration = Duration::from_millis(300);
-/// Frames of an autopilot's new clock that have to agree before it is accepted.
+/// Number of frames of an autopilot's new clock that have to agree before it is accepted.
 const AGREE: u8 = 3;
 /// Difference in delay at which frames of a new clock agree.
 const AGREE_WITHIN: i32 = 100_000; // µs
-/// Drift of the two clocks that is followed, µs per second.
+/// Largest drift between the two clocks that is followed, µs per second.
 const DRIFT: u64 = 1000;
 
-/// Pulse widths that are accepted, in µs. All else is silence: 0 is "no output".
+/// Accepted pulse widths, in µs. Anything else is silence: 0 means "no output".
 const ACCEPTED: core::ops::RangeInclusive<u16> = 800..=2200;
 
 /// Shortest gap that a restart leaves in a stream.
 const GAP: Duration = Duration::from_secs(1);
-/// Time for which the delay behind a gap has to stay the same.
+/// Time for which the delay after a gap has to stay the same.
 const SETTLED: Duration = Duration::from_secs(3);
 
 /// Clock of the frames of one port of outputs: `time_usec`, which wraps after 71 minutes.
@@ -29,22 +29,22 @@ pub(crate) struct FrameClock {
     candidate: Option<Candidate>,
 }
 
-/// What may be the new clock of an autopilot that has restarted.
+/// A possible new clock of an autopilot that has restarted.
 #[derive(Clone, Copy, Debug)]
 enum Candidate {
     /// It went back.
     Back { last: u32, first_delay: u32, frames: u8 },
-    /// It is past the old one, and late to it since a gap.
+    /// It is ahead of the old one, but late since a gap.
     Late { first_delay: u32, since: Instant },
 }
 
 impl FrameClock {
     /// Whether a frame is valid: its time has advanced, and it is not late. When the autopilot restarts, its time goes back;
-    /// three frames that agree make a new beginning.
+    /// three frames that agree begin a new clock.
     ///
-    /// Where the old clock was younger than a restart takes, the new one is past it, and all its frames are late. So are
-    /// those that a radio holds back, from a gap on: it is a new clock only if the delay stays the same, and the vehicle shows
-    /// `disarmed`, as one does that has restarted.
+    /// If the old clock was younger than a restart takes, the new one is already past it, and all its frames are late. Frames
+    /// that a radio holds back after a gap are also late: it is a new clock only if the delay stays the same and the vehicle
+    /// shows `disarmed`, as after a restart.
     pub fn counts(&mut self, now: Instant, time: u32, disarmed: bool) -> bool {
         // Both wrap; only differences matter.
         let delay = (now.as_micros() as u32).wrapping_sub(time);
@@ -89,7 +89,7 @@ impl FrameClock {
         false
     }
 
-    /// Whether a late frame is one of a new clock, which is used from now on.
+    /// Whether a late frame belongs to a new clock, which is used from now on.
     fn restarted(&mut self, now: Instant, delay: u32, gap: bool, disarmed: bool) -> bool {
         let (first_delay, since) = match self.candidate {
             Some(Candidate::Late { first_delay, since }) if !gap => (first_delay, since),
@@ -100,7 +100,7 @@ impl FrameClock {
             }
         };
         let differs = delay.wrapping_sub(first_delay) as i32;
-        // Frames that were held back come with less delay each.
+        // Each frame that was held back arrives with less delay.
         let draining = differs < -AGREE_WITHIN;
         let (first_delay, since) = if draining { (delay, now) } else { (first_delay, since) };
         let settled = now.saturating_duration_since(since) >= SETTLED && differs <= AGREE_WITHIN;
@@ -114,7 +114,7 @@ impl FrameClock {
     }
 }
 
-/// The throttle of a pulse width; `None` for one that is not accepted.
+/// The throttle of a pulse width; `None` if it is not accepted.
 pub(crate) fn throttle(settings: &EngineSettings, pulse: u16) -> Option<Throttle> {
     if !ACCEPTED.contains(&pulse) || settings.low >= settings.high {
         return None;
@@ -160,7 +160,7 @@ mod tests {
         assert_eq!(tenths(&narrow, 1500), None);
     }
 
-    /// Frames every 25 ms from `first` on, each `delay` ms behind; which count.
+    /// Sends frames every 25 ms from `first` on, each `delay` ms late. Returns which are valid.
     fn stream(clock: &mut FrameClock, begin: u64, first: u32, delays: &[u64]) -> std::vec::Vec<bool> {
         let frame = |(i, delay): (usize, &u64)| {
             let now = Instant::from_micros(begin + i as u64 * 25_000 + delay * 1000);
@@ -198,7 +198,7 @@ mod tests {
         let mut clock = FrameClock::default();
         stream(&mut clock, 1_000_000, 900_000_000, &[0; 10]);
         assert_eq!(stream(&mut clock, 9_000_000, 2_000_000, &[0; 5]), [false, false, true, true, true]);
-        // A burst of old frames is none: they do not come as they were sent.
+        // A burst of old frames is not a new clock: they do not arrive as they were sent.
         let now = Instant::from_micros(20_000_000);
         assert!(clock.counts(now, 13_000_000, true));
         for i in 0..40 {
@@ -207,7 +207,7 @@ mod tests {
         assert!(clock.counts(now, 13_025_000, true));
     }
 
-    /// A clock of 2 s, then a gap, then a clock that is 5 s behind, with these delays in ms on top.
+    /// A clock of 2 s, then a gap, then a clock that is 5 s behind, plus these delays in ms.
     fn behind_a_gap(clock: &mut FrameClock, delays: &[u64]) -> std::vec::Vec<bool> {
         assert!(stream(clock, 1_000_000, 0, &[0; 80]).into_iter().all(|counts| counts));
         stream(clock, 14_000_000, 8_000_000, delays)

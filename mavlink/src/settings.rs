@@ -51,12 +51,12 @@ pub(crate) const LEARNT: &str = "MAV_SYSID_LEARN";
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Parameter {
     pub row: &'static Row,
-    /// Of a wiring: its engine, from 1. 0: of none.
+    /// Engine of a wiring, from 1. 0: not a wiring.
     pub wired: u8,
 }
 
 impl Parameter {
-    /// Its name. That of a wiring has the number of its engine.
+    /// Its name. The name of a wiring parameter has the number of its engine.
     pub fn name(self) -> Name {
         let mut name = Name::of(self.row.name.as_bytes());
         if self.wired > 0 {
@@ -66,12 +66,12 @@ impl Parameter {
     }
 }
 
-/// A name, as it is sent and received: of 16 letters, or of fewer that zeros follow.
+/// A name, as sent and received: 16 letters, or fewer followed by zeros.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Name(pub [u8; 16]);
 
 impl Name {
-    /// What is behind a zero does not count.
+    /// Bytes after a zero are ignored.
     pub fn of(bytes: &[u8]) -> Self {
         let mut name = [0; 16];
         let letters = bytes.iter().take_while(|&&letter| letter != 0);
@@ -94,13 +94,13 @@ pub(crate) enum Table<'a> {
     Node,
     /// Of the wiring of an engine.
     Wiring,
-    /// Of an engine, without what is attached.
+    /// Of an engine, without attached devices.
     Engine(&'a EngineConfig),
-    /// Of what is attached, for one engine.
+    /// Of attached devices, for one engine.
     Attached(&'static [&'static [Row]]),
 }
 
-/// The first parameter that is the one. The tables are those without texts: an image does not hold the others.
+/// The first parameter that matches. Uses the tables without texts: an image does not contain the others.
 #[inline(never)]
 pub(crate) fn find_row(
     table: Table<'_>,
@@ -128,7 +128,7 @@ pub(crate) enum DemandSource {
     None,
     /// An output of the autopilot.
     ServoOutput,
-    /// A channel of `RC_CHANNELS_OVERRIDE` that is addressed to the engine.
+    /// A channel of `RC_CHANNELS_OVERRIDE` addressed to the engine.
     RcOverride,
 }
 
@@ -154,13 +154,13 @@ impl NodeSettings {
         self.identity.own::<false>(name).or_else(|| self.own::<false>(name))
     }
 
-    /// Changes a setting whose range has been checked. False: there is none of this name.
+    /// Changes a setting. Its range has been checked. False: none has this name.
     pub(crate) fn set(&mut self, name: &str, number: i32) -> bool {
         self.identity.set_own::<false>(name, number) || self.set_own::<false>(name, number)
     }
 }
 
-/// Checks settings while they are compiled.
+/// Checks settings at compile time.
 pub const fn check(node: &NodeSettings, engines: &[EngineSettings]) {
     assert!(
         node.identity.check_own().is_ok() && node.check_own().is_ok(),

@@ -1,23 +1,23 @@
-//! Signing of MAVLink 2: only a sender with the key may command, whoever else can write on the link.
+//! Signing of MAVLink 2: only a sender with the key may command, even if others can write on the link.
 //!
 //! A signed frame ends with the number of its link, a time stamp and the first 48 bits of SHA-256 over key, frame, link and stamp.
-//! Every sender (system, component, link) increments its time stamps, so that a recorded frame that is sent again is recognised.
-//! A node has no clock of the day: its stamps continue from the last one that was kept, and follow those that it accepts.
+//! Every sender (system, component, link) increments its time stamps, so that a replayed frame is recognised. A node has no
+//! real-time clock: its stamps continue from the last one that was kept, and follow those that it accepts.
 
 use crate::ids::{Address, MAX_FRAME};
 use embassy_time::{Duration, Instant};
 use heapless::Vec;
 use sha2::{Digest, Sha256};
 
-/// Length of what a signed frame ends with: link, stamp and signature.
+/// Length of the end of a signed frame: link, stamp and signature.
 pub const SIGNATURE: usize = 13;
-/// Senders that are remembered.
+/// Number of senders that are remembered.
 pub const STREAMS: usize = if cfg!(feature = "signing") { 16 } else { 1 };
 /// Bytes of the hash that are sent.
 const HASH: usize = 6;
 /// How far the first stamp of a sender may be behind ours: 1 minute.
 const BEHIND: u64 = Stamp::units(Duration::from_secs(60));
-/// Longest delay of a copy that comes by another port.
+/// Longest delay of a copy that arrives on another port.
 const COPY: u64 = Stamp::units(Duration::from_secs(10));
 
 /// Parts of a byte of a sender that is retained.
@@ -30,23 +30,23 @@ const PORT: u8 = 7;
 #[cfg(feature = "signing")]
 const BEHIND_HIGHEST: u8 = 0x0F;
 
-/// A key, which ground station, autopilot and node share. It is neither logged nor printed.
+/// A key shared by ground station, autopilot and node. It is neither logged nor printed.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Key([u8; 32]);
 
 impl Key {
-    /// A key; one of zeros is none.
+    /// A key; `None`: all bytes are zero.
     pub fn new(bytes: [u8; 32]) -> Option<Self> {
         (bytes != [0; 32]).then_some(Self(bytes))
     }
 
-    /// Its bytes, for where it is kept.
+    /// Its bytes, to store them.
     #[cfg(feature = "signing")]
     pub(crate) const fn bytes(&self) -> [u8; 32] {
         self.0
     }
 
-    /// What is signed: a whole frame, from its first byte to its stamp.
+    /// Signs a whole frame, from its first byte to its stamp.
     fn sign(&self, parts: &[&[u8]]) -> [u8; HASH] {
         let mut hash = Sha256::new();
         hash.update(self.0);
@@ -55,12 +55,12 @@ impl Key {
         [a, b, c, d, e, f]
     }
 
-    /// Looks at the signature of a frame: `frame` up to its checksum, and the bytes behind it.
+    /// Checks the signature of a frame: `frame` up to its checksum, and the bytes after it.
     pub(crate) fn check(&self, frame: &[u8], signature: [u8; SIGNATURE]) -> Signature {
         let [link, s0, s1, s2, s3, s4, s5, received @ ..] = signature;
         let stamp = Stamp(u64::from_le_bytes([s0, s1, s2, s3, s4, s5, 0, 0]));
         let expected = self.sign(&[frame, &[link, s0, s1, s2, s3, s4, s5]]);
-        // Without a look at where they differ.
+        // In constant time: it does not matter where they differ.
         let differ = expected.iter().zip(received).fold(0, |all, (one, other)| all | (one ^ other));
         if differ == 0 { Signature::Right { link, stamp } } else { Signature::Wrong }
     }
@@ -97,7 +97,7 @@ impl Stamp {
         time.as_micros() / 10
     }
 
-    /// The stamp of so much later.
+    /// The stamp later by `time`.
     #[cfg(feature = "signing")]
     pub(crate) fn later(self, time: Duration) -> Self {
         self.after(Self::units(time))
@@ -108,14 +108,14 @@ impl Stamp {
     }
 }
 
-/// What was found of a frame's signature.
+/// Result of checking a frame's signature.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Signature {
-    /// There is none.
+    /// The frame has no signature.
     Missing,
-    /// There is one, and no key to verify it with.
+    /// There is no key to verify it with.
     Unverified,
-    /// It was made with another key, or of another frame.
+    /// It was made with another key, or for another frame.
     Wrong,
     /// It was made with our key. This does not show whether it is new.
     Right {
@@ -137,28 +137,28 @@ pub(crate) enum Ignored {
     TooMany,
 }
 
-/// Counters of frames that were ignored for their signature. All wrap.
+/// Counters of frames ignored because of their signature. All wrap.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct SigningCounters {
     /// Without a signature.
     pub not_signed: u32,
-    /// Signed with another key, or changed on their way.
+    /// Signed with another key, or changed on the way.
     pub badly_signed: u32,
     /// Signed, but not newer than the last frame of their sender.
     pub replayed: u32,
-    /// Copies that came by another port.
+    /// Copies that arrived on another port.
     pub duplicates: u32,
     /// First frames of a sender whose clock is more than 1 minute behind ours.
     pub clocks_behind: u32,
     /// Frames of a 17th sender.
     pub too_many: u32,
-    /// `SETUP_SIGNING` that was refused.
+    /// Refused `SETUP_SIGNING` messages.
     pub setups_refused: u32,
 }
 
 impl SigningCounters {
-    /// Each with its name as a named value.
+    /// Each counter with its name as a named value.
     pub(crate) const fn named(&self) -> [(&'static str, u32); 7] {
         [
             ("unsigned", self.not_signed),
@@ -184,7 +184,7 @@ impl SigningCounters {
     }
 }
 
-/// A sender, with the last frame of it that was accepted.
+/// A sender, with its last accepted frame.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 struct Stream {
     from: Address,
@@ -193,11 +193,11 @@ struct Stream {
     port: usize,
 }
 
-/// What has to be retained over a restart of the node. The code that builds the service retains it, in RAM that survives a reset or in
-/// storage, and as secret as the key is.
+/// State of signing that has to survive a restart of the node. The code that builds the service retains it, in RAM that survives a
+/// reset or in storage, and keeps it as secret as the key.
 ///
-/// Without the key everything is obeyed unsigned. With an old stamp, frames from after it can be sent again; so can those of
-/// the last minute where the senders are lost ([`SigningState::new`] begins without).
+/// Without the key everything is obeyed unsigned. With an old stamp, later frames can be replayed; if the senders are lost,
+/// so can those of the last minute ([`SigningState::new`] begins without).
 #[derive(Clone, Debug, Default)]
 pub struct SigningState {
     key: Option<Key>,
@@ -207,11 +207,11 @@ pub struct SigningState {
 }
 
 impl SigningState {
-    /// Without a key: nothing is signed, and nothing has to be.
+    /// No key: nothing is signed or has to be.
     pub const NONE: Self = Self::new(None, Stamp::ZERO);
 
-    /// The state at a start, from what a reset has left in RAM and from what is stored: the newer stamp, and the key in RAM, which is as new.
-    /// No key in RAM clears none that is stored: it may not have been read at the last start.
+    /// The state at a start, from RAM that survived a reset and from storage: the newer stamp, and the key in RAM, which is as new. RAM
+    /// without a key does not clear a stored one, which may not have been read at the last start.
     #[cfg(feature = "signing")]
     pub fn at_start(retained: Option<Self>, stored: Option<Self>) -> Self {
         match (retained, stored) {
@@ -224,8 +224,8 @@ impl SigningState {
         }
     }
 
-    /// Its senders, two words each: system, component, link, a byte, and how far its last stamp is behind. The byte has the highest bits of
-    /// that, the port, and a bit that is set. One that is 7 days behind is left out.
+    /// Its senders, two words each: system, component, link, a byte, and how far the sender's last stamp is behind. The byte has the
+    /// highest bits of that, the port, and a bit that is always set. A sender that is 7 days behind is left out.
     #[cfg(feature = "signing")]
     pub(crate) fn senders(&self) -> impl Iterator<Item = [u32; 2]> {
         self.streams.iter().filter_map(|stream| {
@@ -238,7 +238,7 @@ impl SigningState {
         })
     }
 
-    /// The same with another sender, if it is one. None more than there is space for.
+    /// The same with another sender, if the words are one and there is space for it.
     #[cfg(feature = "signing")]
     pub(crate) fn with_sender(mut self, [sender, behind]: [u32; 2]) -> Self {
         let [system, component, link, last] = sender.to_le_bytes();
@@ -272,9 +272,9 @@ impl SigningState {
 #[derive(Debug)]
 pub(crate) struct Signing {
     state: SigningState,
-    /// A stamp, and the time at which it was right: the clock continues from there.
+    /// A stamp, and the time at which it was valid: the clock continues from there.
     clock: (Stamp, Instant),
-    /// The stamp at the start: what acts has to be signed with a later one. What was retained of senders may be 0.1 s old, or lost.
+    /// The stamp at the start: frames that act need a later one. The retained senders may be 0.1 s old, or lost.
     #[cfg(feature = "signing")]
     floor: Stamp,
 }
@@ -290,18 +290,18 @@ impl Signing {
         }
     }
 
-    /// Whether something that acts is so new that it cannot have been obeyed before the start.
+    /// Whether a frame that acts is too new to have been obeyed before the start.
     #[cfg(feature = "signing")]
     pub fn is_new(&self, stamp: Stamp) -> bool {
         stamp > self.floor
     }
 
     pub const fn key(&self) -> Option<&Key> {
-        // Without the feature nothing of signing is left in an image.
+        // Without the feature, an image contains nothing of signing.
         if cfg!(feature = "signing") { self.state.key() } else { None }
     }
 
-    /// What is to be kept.
+    /// The state to keep.
     pub fn state(&self, now: Instant) -> SigningState {
         SigningState { stamp: self.stamp(now), ..self.state.clone() }
     }
@@ -317,13 +317,13 @@ impl Signing {
         if self.key().is_some() { SIGNATURE } else { 0 }
     }
 
-    /// Its clock: no earlier than what was used or accepted.
+    /// Its clock: no earlier than any stamp used or accepted.
     pub fn stamp(&self, now: Instant) -> Stamp {
         let (stamp, at) = self.clock;
         stamp.after(Stamp::units(now.saturating_duration_since(at))).max(self.state.stamp)
     }
 
-    /// What the next frame is signed with. No two are alike.
+    /// The seal of the next frame. No two are alike.
     pub fn seal(&mut self, now: Instant, link: u8) -> Option<Seal<'_>> {
         self.key()?;
         let stamp = self.stamp(now).max(self.state.stamp.after(1));
@@ -368,14 +368,14 @@ impl Signing {
     fn remember(&mut self, oldest: Stamp, stream: Stream) -> Result<(), Ignored> {
         let streams = &mut self.state.streams;
         let Err(stream) = streams.push(stream) else { return Ok(()) };
-        // One that is older than what a new sender may have can be forgotten: nothing that it has sent is accepted again.
+        // A sender older than a new one may be can be forgotten: nothing that it has sent is accepted again.
         let place = streams.iter_mut().find(|known| known.stamp < oldest).ok_or(Ignored::TooMany)?;
         *place = stream;
         Ok(())
     }
 
-    /// Sets the key, or clears it. A stamp never goes back, unless another key replaces the one that is there: so a clock that
-    /// was far ahead can be set right.
+    /// Sets the key, or clears it. The stamp never goes back unless another key replaces the present one: so a clock that was
+    /// far ahead can be corrected.
     #[cfg(feature = "signing")]
     pub fn set_key(&mut self, now: Instant, key: Option<Key>, stamp: Stamp) {
         let replaced = matches!((self.state.key, key), (Some(old), Some(new)) if old != new);
@@ -389,7 +389,7 @@ impl Signing {
     }
 }
 
-/// What a frame is signed with.
+/// Data to sign a frame with.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Seal<'a> {
     pub key: &'a Key,
@@ -398,12 +398,12 @@ pub(crate) struct Seal<'a> {
 }
 
 impl Seal<'_> {
-    /// Signs a frame whose flags say that it is signed.
+    /// Signs a frame whose flags mark it as signed.
     pub fn sign(self, frame: &mut Vec<u8, MAX_FRAME>) {
         let [s0, s1, s2, s3, s4, s5, ..] = self.stamp.0.to_le_bytes();
         let tail = [self.link, s0, s1, s2, s3, s4, s5];
         let hash = self.key.sign(&[frame, &tail]);
-        // The largest frame fits with them.
+        // The largest frame has space for them.
         let _ = frame.extend_from_slice(&tail);
         let _ = frame.extend_from_slice(&hash);
     }
@@ -446,7 +446,7 @@ mod tests {
         assert_eq!(signing.judge(at(0), 1, FROM, right(0, OURS + 1)), Ok(()));
         assert_eq!(signing.judge(at(0), 1, FROM, Signature::Wrong), Err(Ignored::Wrong));
         assert_eq!(signing.judge(at(0), 1, FROM, Signature::Missing), Err(Ignored::Unsigned));
-        // Another link, and another component, count for themselves.
+        // Another link, and another component, count separately.
         assert_eq!(signing.judge(at(0), 1, FROM, right(1, OURS)), Ok(()));
         assert_eq!(signing.judge(at(0), 1, Address { component: 1, ..FROM }, right(0, OURS)), Ok(()));
     }
@@ -459,7 +459,7 @@ mod tests {
         assert_eq!(signing.judge(at(0), 1, FROM, right(0, OURS + 10 * SECOND)), Ok(()));
         assert_eq!(signing.judge(at(0), 2, FROM, right(0, OURS)), Err(Ignored::Duplicate));
         assert_eq!(signing.judge(at(0), 2, FROM, right(0, OURS - 1)), Err(Ignored::Replayed));
-        // The first one is used, by either port.
+        // The first one is used, on either port.
         assert_eq!(signing.judge(at(0), 2, FROM, right(0, OURS + 11 * SECOND)), Ok(()));
         assert_eq!(signing.judge(at(0), 1, FROM, right(0, OURS + 11 * SECOND)), Err(Ignored::Duplicate));
     }
@@ -512,7 +512,7 @@ mod tests {
         let mut again = Signing::new(at(0), signing.state(at(1)));
         assert_eq!(again.seal(at(0), 0).unwrap().stamp.get(), 2 * OURS + 2);
         assert_eq!(again.judge(at(0), 1, FROM, right(0, 2 * OURS)), Err(Ignored::Replayed));
-        // The end of time is no overflow.
+        // The last stamp does not overflow.
         assert_eq!(signing.judge(at(1), 1, FROM, right(0, Stamp::MAX.get())), Ok(()));
         assert_eq!(signing.seal(at(9), 0).unwrap().stamp, Stamp::MAX);
     }

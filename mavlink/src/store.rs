@@ -1,19 +1,19 @@
-//! Settings that stay: a record for each component, appended to a flash memory, which survives a power cut at any moment.
+//! Stored settings: a record for each component, appended to a flash memory. They survive a power cut at any moment.
 //!
-//! The map itself is the crate `sequential-storage`. Around it are three things that it does not have:
+//! The map itself is the crate `sequential-storage`. This module adds three things:
 //!
-//! - **No erase in flight.** An erase stalls a core that reads the same memory. The crate erases within a save and in its repairs,
-//!   so `Guard` refuses every erase unless [`AtRest`] is set. In flight a record that would need one is refused before anything is
-//!   written.
-//! - **What a power cut tore** may be unreadable: two wrong bits in a word of an STM32H7's flash are an error at each read. Such a word is
-//!   taken for written and wrong.
-//! - **Empty and damaged differ.** Each record has a sequence number and the digest of all newest records, so that a
-//!   newest record that was lost is missed ([`Found::Damaged`]), while a record that a power cut kept from being written is not.
-//!   What is missed stays missed until all is formatted.
+//! - **No erase in flight.** An erase stalls a core that reads the same memory. The crate erases within a save and in its
+//!   repairs, so `Guard` refuses every erase unless [`AtRest`] is set. In flight, a record that would need an erase is refused
+//!   before anything is written.
+//! - **A word torn by a power cut** may be unreadable: two wrong bits in a word of an STM32H7's flash cause an error at each read. Such
+//!   a word counts as written and wrong.
+//! - **Empty and damaged differ.** Each record has a sequence number and the digest of all newest records, so that a lost
+//!   newest record is noticed ([`Found::Damaged`]), but not a record that a power cut kept from being written. A lost record
+//!   stays noticed until everything is formatted.
 //!
 //! There are two sectors. Whenever the power fails, one of them alone has all newest records: a migration erases the old
-//! sector after it has copied everything. So each sector is looked at alone, whatever the other one looks like, and before the
-//! next save the other one is erased if it is not empty: the crate's own repair could erase the good one.
+//! sector only after it has copied everything. So each sector is examined alone, and before the next save the other one is
+//! erased if it is not empty: the crate's own repair could erase the good one.
 
 use core::cmp::Ordering;
 use core::fmt::Debug;
@@ -27,19 +27,19 @@ use jetlink::checksum::Checksum;
 use sequential_storage::cache::{Cache, Uncached};
 use sequential_storage::map::{MapConfig, MapStorage, SerializationError, Value};
 
-/// Largest record.
+/// Size of the largest record, bytes.
 pub const RECORD: usize = 256;
-/// Most records: of the node, and of eight engines.
+/// Largest number of records: of the node, and of eight engines.
 pub const KEYS: usize = 9;
 /// Sequence number and digest, in front of each record.
 const HEAD: usize = 8;
-/// With the key, and rounded up to the largest word of a flash memory.
+/// A record with its key and head, rounded up to the largest word of a flash memory.
 const BUFFER: usize = (1 + HEAD + RECORD).next_multiple_of(32);
-/// The mark in front, its head, and the first record: the most that a power cut leaves where nothing has been stored.
+/// The mark in front, its head, and the first record: the most that a power cut leaves if nothing has been stored.
 const FIRST: u32 = (2 * WORD + BUFFER) as u32;
-/// Reads until others have their turn.
+/// Number of reads until other tasks may run.
 const TURN: u8 = 32;
-/// Largest word.
+/// Largest word of a flash memory, bytes.
 const WORD: usize = 32;
 
 /// Whether all engines are known to be at rest.
@@ -47,7 +47,7 @@ const WORD: usize = 32;
 pub struct AtRest(AtomicBool);
 
 impl AtRest {
-    /// It is not known.
+    /// Unknown at first.
     pub const fn new() -> Self {
         Self(AtomicBool::new(false))
     }
@@ -63,7 +63,7 @@ impl AtRest {
     }
 }
 
-/// What was found at the start.
+/// Result of the search at the start.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Found {
@@ -81,7 +81,7 @@ pub enum Found {
 pub enum NotSaved {
     /// There is no space without an erase, and an engine may turn.
     Full,
-    /// The memory does not take it.
+    /// The memory does not accept it.
     Failed,
 }
 
@@ -96,21 +96,21 @@ impl core::fmt::Display for NotSaved {
 
 impl core::error::Error for NotSaved {}
 
-/// A flash memory for [`Store`], two sectors from offset 0 on.
+/// A flash memory for [`Store`]: two sectors from offset 0 on.
 ///
-/// A read may fail where a word is unreadable; then none of its bytes are used.
+/// A read may fail at an unreadable word; then none of its bytes are used.
 pub trait Flash: NorFlash + Debug {}
 
-/// Refuses erases while engines may turn, writes to what is not empty, and reads what is unreadable as zeros.
+/// Refuses erases while engines may turn, and writes to words that are not empty. Reads unreadable words as zeros.
 #[derive(Debug)]
 struct Guard<'a, F> {
     flash: F,
     at_rest: &'a AtRest,
-    /// The sectors have each other's numbers.
+    /// The numbers of the sectors are swapped.
     swapped: bool,
     /// The other sector reads as empty.
     only: Option<u32>,
-    /// Reads since others had their turn.
+    /// Number of reads since other tasks could run.
     reads: u8,
 }
 
@@ -125,7 +125,7 @@ impl NorFlashError for GuardError {
 }
 
 impl<F: Flash> Guard<'_, F> {
-    /// Where something is in the memory.
+    /// Its place in the memory.
     const fn place(&self, at: u32) -> u32 {
         const { assert!(F::ERASE_SIZE.is_power_of_two()) };
         if self.swapped { at ^ F::ERASE_SIZE as u32 } else { at }
@@ -140,7 +140,7 @@ impl<F: Flash> ReadNorFlash for Guard<'_, F> {
     const READ_SIZE: usize = F::READ_SIZE;
 
     async fn read(&mut self, at: u32, bytes: &mut [u8]) -> Result<(), GuardError> {
-        // A read waits for nothing, and a migration is some 100 000 of them: others have their turn in between.
+        // A read never waits, and a migration takes some 100 000 of them: other tasks may run in between.
         self.reads += 1;
         if self.reads == TURN {
             self.reads = 0;
@@ -194,7 +194,7 @@ impl<F: Flash> NorFlash for Guard<'_, F> {
     }
 }
 
-/// A record behind its head, which the map puts together where it writes them.
+/// A record after its head. The map joins them as it writes them.
 struct Item<'a> {
     sequence: u32,
     digest: u32,
@@ -229,13 +229,13 @@ type Map<'a, F> = MapStorage<u8, Guard<'a, F>, Cache<Uncached, Uncached, Uncache
 struct Newest {
     key: u8,
     sequence: u32,
-    /// Of all newest records, this one among them.
+    /// Digest of all newest records, including this one.
     digest: u32,
     own: u32,
 }
 
-/// Records by key: 0 is the node, the others are engines, and what else is attached. `KEYS` is the most of them; those that another image
-/// stored are included.
+/// Records by key: 0 is the node, the others are engines and attached devices. `KEYS` is the largest number of them, including those
+/// stored by another image.
 pub struct Store<'a, F: Flash, const KEYS: usize = { self::KEYS }> {
     map: Map<'a, F>,
     at_rest: &'a AtRest,
@@ -246,14 +246,14 @@ pub struct Store<'a, F: Flash, const KEYS: usize = { self::KEYS }> {
     rewriting: bool,
     /// The sector that has all newest records.
     sector: u32,
-    /// What is empty; `None` until it is needed, as to look at all of a slow memory delays a start.
+    /// Empty space; `None` until it is needed, as reading all of a slow memory delays a start.
     space: Option<Space>,
 }
 
-/// What is empty in the two sectors.
+/// Empty space in the two sectors.
 #[derive(Clone, Copy, Debug)]
 struct Space {
-    /// Bytes at the end of the sector that has all newest records.
+    /// Empty bytes at the end of the sector that has all newest records.
     free: u32,
     /// The other sector is not empty.
     dirty: bool,
@@ -269,8 +269,8 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
     const SECTOR: u32 = F::ERASE_SIZE as u32;
     const CONFIG: MapConfig<Guard<'a, F>> = MapConfig::new(0..2 * Self::SECTOR);
 
-    /// Reads the memory; `each` gets the newest record of each key, that of the node first: what an engine is wired to decides what its own
-    /// record is worth. Nothing is written or erased.
+    /// Reads the memory; `each` gets the newest record of each key, the node's first: an engine's wiring decides whether its own record
+    /// applies. Nothing is written or erased.
     pub async fn load(flash: F, at_rest: &'a AtRest, each: &mut dyn FnMut(u8, &[u8])) -> (Self, Found) {
         let guard = Guard { flash, at_rest, swapped: false, only: None, reads: 0 };
         let map = MapStorage::new(guard, Self::CONFIG, Cache::new_uncached());
@@ -302,7 +302,7 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
                 match newest.iter_mut().find(|newest| newest.key == found.key) {
                     Some(newest) if newest.sequence < found.sequence => *newest = found,
                     Some(_) => {}
-                    // What is one key too many is somebody else's.
+                    // A key too many is foreign data.
                     None => drop(newest.push(found)),
                 }
             })
@@ -318,7 +318,7 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
             Ordering::Less => false,
             Ordering::Greater => true,
             Ordering::Equal if first.is_empty() => false,
-            // Where both have all, the one with less in it is the copy, and the other one may be half erased.
+            // If both have all, the less full one is the copy, and the other one may be half erased.
             Ordering::Equal => self.empty_at_end(1).await > self.empty_at_end(0).await,
         };
         self.sector = second_is_it.into();
@@ -331,12 +331,12 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         if whole {
             return Found::Whole;
         }
-        // Nothing may be readable of what is ours: a sector begins with the mark, is not all zeros, and has more in it than a first record,
-        // which a power cut may have torn.
+        // Our data may be unreadable: the sector begins with the mark, is not all zeros, and holds more than a first record, which a power
+        // cut may have torn.
         let mut ours = !self.newest.is_empty();
         for sector in 0..2 {
             let mut mark = [0; WORD];
-            // What is unreadable reads as the mark.
+            // An unreadable word reads as the mark.
             if !ours
                 && self.map.flash().read(sector * Self::SECTOR, &mut mark).await.is_ok()
                 && mark.iter().all(|&byte| byte == 0)
@@ -347,7 +347,7 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         if ours { Found::Damaged } else { Found::Empty }
     }
 
-    /// What is empty.
+    /// The empty space.
     async fn space(&mut self) -> Space {
         if let Some(space) = self.space {
             return space;
@@ -360,14 +360,14 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         *self.space.insert(Space { free, dirty: other < Self::SECTOR })
     }
 
-    /// Bytes at the end of a sector that are empty, in whole words, but for the mark that closes it.
+    /// Empty bytes at the end of a sector, in whole words, without the mark that closes it.
     async fn empty_at_end(&mut self, sector: u32) -> u32 {
         const { assert!(F::ERASE_SIZE.is_multiple_of(WORD) && WORD.is_multiple_of(F::WRITE_SIZE)) };
         let mut empty = 0;
         while empty < Self::SECTOR {
             let mut bytes = [0; WORD];
             let at = (sector + 1) * Self::SECTOR - empty - WORD as u32;
-            // What is unreadable reads as 0.
+            // Unreadable words read as 0.
             let read = self.map.flash().read(at, &mut bytes).await;
             let last =
                 if read.is_err() { Some(WORD - 1) } else { bytes.iter().rposition(|&byte| byte != 0xFF) };
@@ -381,13 +381,13 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         empty
     }
 
-    /// Shows every record of a sector, also the older ones of a key.
+    /// Passes every record of a sector to `each`, also the older ones of a key.
     async fn scan(&mut self, sector: u32, each: &mut dyn FnMut(Newest, &[u8])) {
         self.map.flash().only = Some(sector);
         let mut buffer = [0; BUFFER];
         if let Ok(mut records) = self.map.fetch_all_items(&mut buffer).await {
             while let Ok(Some((key, bytes))) = records.next::<&[u8]>(&mut buffer).await {
-                // What is too short is somebody else's.
+                // Data that is too short is foreign.
                 let Ok((Item { sequence, digest, record }, _)) = Item::deserialize_from(bytes) else {
                     continue;
                 };
@@ -397,7 +397,7 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         self.map.flash().only = None;
     }
 
-    /// Saves a record. One that is the newest of its key already is not written again.
+    /// Saves a record. It is not written again if it already is the newest of its key.
     ///
     /// # Errors
     /// [`NotSaved`]: the newest record of this key is as before.
@@ -412,14 +412,14 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         }
         cleaned?;
         let last = self.newest.iter().max_by_key(|newest| newest.sequence);
-        // From the last one's digest: what is missed now is also missed with this record.
+        // From the last one's digest: a record missing now is also missing with this record.
         let digest = last.map_or(0, |last| last.digest) ^ before.unwrap_or(0) ^ own;
         let sequence = if self.rewriting { 0 } else { self.sequence.wrapping_add(1) };
         let length = HEAD + record.len();
         if record.len() > RECORD || before.is_none() && self.newest.is_full() {
             return Err(NotSaved::Failed);
         }
-        // The mark that closes the sector has its place; an empty sector also gets one that opens it.
+        // The mark that closes the sector needs space; an empty sector also gets one that opens it.
         let word = F::WRITE_SIZE as u32;
         let opening = if free == Self::SECTOR { word } else { 0 };
         let length = (1 + length as u32).next_multiple_of(word);
@@ -428,7 +428,7 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         if (!fits || dirty) && !at_rest {
             return Err(NotSaved::Full);
         }
-        // In a block, so that its buffer and those of a survey are not there at once.
+        // In a block, so that its buffer does not coexist with those of a survey.
         let stored = {
             let mut buffer = [0; BUFFER];
             self.map.store_item(&mut buffer, &key, &Item { sequence, digest, record }).await
@@ -446,13 +446,13 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
                 self.space = None;
             }
         } else {
-            // Where it failed, some of it may be there.
+            // After a failure, part of it may have been written.
             self.survey().await;
         }
         stored.map_err(|_| NotSaved::Failed)
     }
 
-    /// Erases the sector that has not all newest records.
+    /// Erases the sector that lacks some newest records.
     async fn clean(&mut self) -> Result<(), NotSaved> {
         let other = (1 - self.sector) * Self::SECTOR;
         self.map.flash().erase(other, other + Self::SECTOR).await.map_err(|_| NotSaved::Failed)?;
@@ -460,9 +460,9 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         Ok(())
     }
 
-    /// Begins to rewrite all records, for a memory that accepts no more records, is damaged or has foreign data: they go into
-    /// the other sector, each by [`Store::save`]. The previous ones apply until the last one is saved, which [`Store::end_rewrite`] announces. One
-    /// more save, of any record, erases the old ones.
+    /// Begins to rewrite all records, for a memory that accepts no more records, is damaged or has foreign data: [`Store::save`] writes them to
+    /// the other sector. The previous ones apply until the last one is saved, which [`Store::end_rewrite`] announces. One more save, of any
+    /// record, erases the old ones.
     ///
     /// # Errors
     /// [`NotSaved`].
@@ -482,7 +482,7 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         Ok(())
     }
 
-    /// The next record that is saved is the last one of those that are rewritten.
+    /// The next saved record is the last one of the rewrite.
     pub fn end_rewrite(&mut self) {
         self.rewriting = false;
     }
@@ -493,7 +493,7 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
     }
 }
 
-/// Of all newest records.
+/// Digest of all newest records.
 fn digest(newest: &[Newest]) -> u32 {
     newest.iter().fold(0, |digest, newest| digest ^ newest.own)
 }

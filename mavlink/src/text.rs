@@ -1,4 +1,4 @@
-//! Texts for people: `STATUSTEXT` of an engine or the node, limited in their rate.
+//! Texts for people: `STATUSTEXT` of an engine or the node, with a limited rate.
 
 use crate::dialect::STATUSTEXT_DATA;
 use crate::ids::Severity;
@@ -13,11 +13,11 @@ use mavlink_core::types::CharArray;
 const LONGEST: usize = 3 * PIECE;
 /// Length of a piece, which is a frame.
 pub(crate) const PIECE: usize = 50;
-/// Texts that may come at once, and the time after which another one may.
+/// Texts that may be sent at once, and the time after which another one may.
 const BURST: u32 = 12;
 const EVERY: Duration = Duration::from_millis(500);
 
-/// A text; what is longer than three pieces is cut.
+/// A text; it is cut after three pieces.
 pub(crate) type Text = String<LONGEST>;
 
 /// Writes a text.
@@ -26,7 +26,7 @@ pub(crate) fn text(of: core::fmt::Arguments<'_>) -> Text {
     impl Write for Cut {
         fn write_str(&mut self, part: &str) -> core::fmt::Result {
             for letter in part.chars() {
-                // Receivers show bytes: the few signs that are none are written out.
+                // Receivers show bytes: non-ASCII characters are replaced.
                 let done = match letter {
                     '°' => self.0.push_str("deg "),
                     '−' => self.0.push('-'),
@@ -93,7 +93,7 @@ impl Limiter {
         }
     }
 
-    /// Number of texts that were lost, once it is worth a text of its own.
+    /// Number of lost texts, once it is worth a text of its own.
     pub fn take_lost(&mut self, now: Instant) -> Option<u32> {
         self.refill(now);
         if self.lost == 0 || self.left < BURST / 2 {

@@ -1,7 +1,7 @@
-//! The vehicle: whose node this is, and whether it is armed. Only frames of the autopilot's port come here.
+//! The vehicle: whose node this is, and whether it is armed. Only frames of the autopilot's port arrive here.
 //!
-//! The system id is set, or learnt: the only autopilot received for 5 s. What was learnt is stored, and changes at a start only. Whether the vehicle is armed takes two heartbeats that
-//! say so; silence says nothing.
+//! The system id is set, or learnt from the only autopilot received for 5 s. A learnt id is stored, and changes only at a start. It takes two equal
+//! heartbeats to show whether the vehicle is armed; silence shows nothing.
 
 use crate::frame::Address;
 use crate::ids::{AUTOPILOT_INVALID, COMPONENT_AUTOPILOT, MODE_ARMED, TYPE_GCS};
@@ -26,11 +26,11 @@ pub(crate) enum Arming {
 /// Something that the vehicle did.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum VehicleEvent {
-    /// An id is known. It is the vehicle's from now on, or, where it had one, from the node's next start on.
+    /// An id is known. It is the vehicle's from now on, or from the node's next start on if it had one.
     Learnt(u8),
     /// Two autopilots are received: none is learnt.
     TwoAutopilots(u8, u8),
-    /// It was armed and shows disarmed now.
+    /// It was armed and now shows disarmed.
     Disarmed,
 }
 
@@ -49,22 +49,22 @@ pub(crate) struct Vehicle {
     /// The id that was learnt last: it takes effect at the node's next start.
     learnt: u8,
     candidate: Option<Candidate>,
-    /// Another autopilot that is received, and when last.
+    /// Another autopilot that is received, and when it was last received.
     other: Option<(u8, Instant)>,
     two_reported: bool,
     arming: Arming,
-    /// Consecutive heartbeats that say the same, and what.
+    /// What the last heartbeats show, and how many consecutive ones agree.
     same: (bool, u8),
     /// Time of the last heartbeat of our autopilot.
     last: Option<Instant>,
     /// Time since which it has shown disarmed without a gap.
     disarmed_since: Option<Instant>,
-    /// Until then its heartbeats have come, if it is there.
+    /// Time by which its heartbeats have arrived, if it is present.
     shows_by: Option<Instant>,
 }
 
 impl Vehicle {
-    /// With a set id, or the one that was learnt before, or one that is to be learnt; 0 is none.
+    /// With a set id, one learnt before, or one still to be learnt; 0 is none.
     pub fn new(set: u8, learnt: u8) -> Self {
         let system = if set != 0 { set } else { learnt };
         Self {
@@ -82,12 +82,12 @@ impl Vehicle {
         }
     }
 
-    /// The same, which is received by then if it is there.
+    /// The same, which is received by then if it is present.
     pub const fn showing_by(self, at: Instant) -> Self {
         Self { shows_by: Some(at), ..self }
     }
 
-    /// Whether it has an id and has not had the time to show that it is disarmed.
+    /// Whether it has an id but has not had time to show that it is disarmed.
     pub fn may_show_disarmed(&self, now: Instant) -> bool {
         self.id.is_some() && self.arming == Arming::Unknown && self.shows_by.is_some_and(|at| now < at)
     }
@@ -113,7 +113,7 @@ impl Vehicle {
         self.arming
     }
 
-    /// Whether its heartbeats come.
+    /// Whether its heartbeats are received.
     pub fn is_received(&self, now: Instant) -> bool {
         self.last.is_some_and(|last| now < last + RECEIVED_WITHIN)
     }
@@ -150,7 +150,7 @@ impl Vehicle {
         }
         match self.id {
             Some(id) if id == from.system => self.own(now, base_mode & MODE_ARMED != 0),
-            // Another one, where ours is not there.
+            // Another one, while ours is absent.
             Some(_) if self.learns && !self.is_received(now) => self.learn(now, from.system, may_learn),
             Some(_) => None,
             None => self.learn(now, from.system, may_learn),
@@ -165,7 +165,7 @@ impl Vehicle {
             }
             Some(candidate) if candidate.system != system && received(candidate.last) => {
                 self.other = Some((system, now));
-                // Neither is the only one from here on.
+                // From here on neither is the only one.
                 self.candidate = Some(Candidate { since: now, ..candidate });
                 let first = !core::mem::replace(&mut self.two_reported, true);
                 return first.then_some(VehicleEvent::TwoAutopilots(candidate.system, system));

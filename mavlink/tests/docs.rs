@@ -9,8 +9,8 @@ use jetlink::wiring::Wiring;
 use jetlink_mavlink::service::parameters::{engine_parameters, node_parameters, wiring_parameters};
 use jetlink_mavlink::services;
 
-/// Rows with the rest of their text, and with their default in words where it is not the row's own. `turning`: what is refused
-/// while it turns.
+/// Rows with the rest of their text, and their default in words if it is not the row's own. `turning`: note for settings
+/// refused while the engine turns.
 fn table(rows: &[(&Setting, &str, Option<String>)], turning: &str) -> String {
     let mut table = String::from("| parameter | default | range | what |\n|---|---|---|---|\n");
     for (row, of, default) in rows {
@@ -94,7 +94,7 @@ fn names_of_parameters_are_unique_and_fit() {
         for (i, row) in rows.iter().enumerate() {
             assert!(row.name.len() <= 16 && row.name.is_ascii(), "{}", row.name);
             assert!(!rows[..i].iter().any(|other| other.name == row.name), "{} twice", row.name);
-            // A 32-bit float carries it.
+            // A 32-bit float represents it exactly.
             assert!(row.min.unsigned_abs().max(row.max.unsigned_abs()) <= 1 << 24, "{}", row.name);
         }
     }

@@ -1,5 +1,5 @@
-//! `src/messages.rs` is what the generator makes of `jetlink.xml`. It is committed, because the generator and what it needs would be a
-//! part of every first build otherwise.
+//! The generator makes `src/messages.rs` from `jetlink.xml`. The file is committed, because otherwise every first build would include
+//! the generator and its dependencies.
 
 use mavlink_bindgen::{XmlDefinitions, generate};
 use std::path::Path;

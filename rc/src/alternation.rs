@@ -1,15 +1,16 @@
-//! A throttle that goes up and down faster than a hand moves a stick: two receivers on one line, or damage that no checksum finds. The median
-//! of three frames drops one odd frame, not every second one.
+//! A throttle that moves up and down faster than a hand can move it: two receivers share a line, or damage escapes the checksum. The median
+//! of three frames removes one odd frame, but not every second one.
 
 use embassy_time::{Duration, Instant};
 
-/// Least step between two frames that is a stroke, in µs.
+/// Smallest step between two frames that counts as a stroke, in µs.
 const STROKE: u16 = 200;
-/// Longest time between two strokes of a row.
+/// Longest time between two consecutive strokes.
 const FAST: Duration = Duration::from_millis(100);
-/// Strokes, each in the other direction than the one before, that no hand makes.
+/// Number of consecutive strokes in alternating directions that no hand makes.
 const MOST: u8 = 3;
-/// Time after the last of them for which the throttle is silence: the source timeout passes, and what returns takes over without a jump.
+/// Time after the last stroke for which the throttle counts as silent: the source timeout expires, and a throttle that returns takes
+/// over without a jump.
 const SILENT: Duration = Duration::from_secs(1);
 
 /// Strokes of a throttle.
@@ -49,7 +50,7 @@ mod tests {
     use super::*;
     use std::vec::Vec;
 
-    /// Whether a throttle alternates with each of these pulses, one every given number of ms.
+    /// Whether the throttle alternates at each of these pulses, one every `every` ms.
     fn play(every: u64, pulses: &[u16]) -> Vec<bool> {
         let mut alternation = Alternation::NEW;
         let times = (0..).map(|i| Instant::from_millis(i * every));
@@ -65,7 +66,7 @@ mod tests {
                 "{every}"
             );
         }
-        // Two frames of each.
+        // Two frames from each sender.
         let pairs = play(14, &[1100, 1100, 1500, 1500, 1100, 1100, 1500, 1500]);
         assert_eq!(pairs, [false, false, false, false, false, false, true, true]);
     }

@@ -1,4 +1,4 @@
-//! Calibration of the stick: its end points are the shortest and the longest pulse that were seen.
+//! Calibration of the stick: its end points are the shortest and the longest pulse seen.
 
 use crate::channels::Pulse;
 use crate::settings::SPAN;
@@ -7,9 +7,9 @@ use crate::settings::SPAN;
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum CalibrationError {
-    /// The engine turns, or is ordered to. A calibration that was under way has ended.
+    /// The engine turns, or is ordered to. A calibration in progress has ended.
     EngineTurns,
-    /// None was begun.
+    /// No calibration was begun.
     NotBegun,
     /// The stick was not moved from end to end.
     TooShort,
@@ -41,7 +41,7 @@ impl defmt::Format for CalibrationError {
 
 impl core::error::Error for CalibrationError {}
 
-/// A calibration that is under way.
+/// A calibration in progress.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Calibration {
     ends: Option<(Pulse, Pulse)>,

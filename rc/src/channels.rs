@@ -1,9 +1,9 @@
-//! Channels of a receiver, as pulse widths: the unit of servos, whatever the input.
+//! Channels of a receiver as pulse widths in µs, whatever the input.
 
-/// Channels of one receiver: 16 with a stick or a switch, and the two digital ones of SBUS.
+/// Number of channels of a receiver: 16 for sticks and switches, and the two digital ones of SBUS.
 pub const CHANNELS: usize = 18;
 
-/// A pulse width that is accepted, 800 to 2200 µs.
+/// An accepted pulse width, 800 to 2200 µs.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Pulse(u16);
@@ -16,18 +16,18 @@ impl Pulse {
     /// A digital channel that is on.
     pub(crate) const ON: Self = Self(2000);
 
-    /// From µs; `None` outside of 800..=2200.
+    /// From a width in µs; `None` outside 800..=2200.
     pub const fn new(us: u16) -> Option<Self> {
         if us >= 800 && us <= 2200 { Some(Self(us)) } else { None }
     }
 
-    /// µs.
+    /// Width in µs.
     pub const fn us(self) -> u16 {
         self.0
     }
 
-    /// From the number of an SBUS or CRSF channel, of which the lower 11 bits are used: 992 is 1500 µs, and 8 steps are 5 µs. So
-    /// every number is a pulse of 880 to 2159 µs.
+    /// From the lower 11 bits of an SBUS or CRSF channel: 992 is 1500 µs, and 8 steps are 5 µs. So every number is a pulse of
+    /// 880 to 2159 µs.
     pub(crate) const fn of_steps(steps: u16) -> Self {
         let steps = steps & STEPS_MAX;
         // 1500 µs − 992 × 5/8 µs is 880 µs; rounded.
@@ -35,9 +35,9 @@ impl Pulse {
     }
 }
 
-/// Greatest number of an SBUS or CRSF channel.
+/// Highest number of an SBUS or CRSF channel.
 const STEPS_MAX: u16 = 0x7FF;
-/// Bytes of 16 channels with 11 bits each, lowest bit first.
+/// Bytes of 16 channels of 11 bits each, lowest bit first.
 pub(crate) const PACKED: usize = 22;
 
 /// Unpacks 16 channels, as SBUS and CRSF carry them.
@@ -56,7 +56,7 @@ pub(crate) fn unpack(bytes: &[u8; PACKED]) -> [Pulse; 16] {
     pulses
 }
 
-/// Values of all channels that count. A channel without a value is silent.
+/// Valid values of all channels. A channel without a value is silent.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Channels {

@@ -28,7 +28,7 @@ pub struct RadioLine {
 }
 
 impl Protocol {
-    /// Its line; `None`: it is on no UART.
+    /// Line of the protocol; `None`: it uses no UART.
     pub const fn line(self) -> Option<RadioLine> {
         match self {
             Self::Sbus => Some(RadioLine { baud: sbus::BAUD, is_8e2: true }),
@@ -66,11 +66,11 @@ impl Protocol {
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct RadioConfig<const N: usize> {
-    /// ECU port of the board that it is on, from 0. No engine is there. Servo pulses are on none.
+    /// ECU port of the board that the receiver uses, from 0. No engine uses it. Servo pulses need no port.
     pub port: u8,
     /// Protocol.
     pub protocol: Protocol,
-    /// The line is inverted, and the board's UART inverts it back. Not every chip's can.
+    /// The line is inverted, and the board's UART inverts it back. Not every chip's UART can.
     pub inverted: bool,
     /// What its channels do for each engine, in the order of the table of engines.
     pub engines: [EngineSettings; N],
@@ -87,12 +87,12 @@ impl<const N: usize> RadioConfig<N> {
         Self { port, protocol: Protocol::Crsf, inverted: false, engines }
     }
 
-    /// Servo pulses on the board's inputs for them. Channels are those of the inputs, from 1: see [`EngineSettings::PULSES`].
+    /// Servo pulses on the board's pulse inputs. Channel numbers are those of the inputs, from 1: see [`EngineSettings::PULSES`].
     pub const fn pwm(engines: [EngineSettings; N]) -> Self {
         Self { port: 0, protocol: Protocol::Pwm, inverted: false, engines }
     }
 
-    /// The ECU port that it is on, if it is on one.
+    /// The ECU port that the receiver uses, if any.
     pub const fn uart(&self) -> Option<u8> {
         if self.protocol.line().is_some() { Some(self.port) } else { None }
     }
@@ -100,7 +100,7 @@ impl<const N: usize> RadioConfig<N> {
     /// Checks the settings of each engine, at compile time.
     ///
     /// # Panics
-    /// With what is wrong. In a `const` that stops the build.
+    /// With what is wrong. In a `const` this stops the build.
     pub const fn check(&self) {
         let mut engine = 0;
         while engine < N {

@@ -1,13 +1,13 @@
-//! When a value is valid: it is the median of three consecutive good frames, received at a plausible rate.
+//! A valid value is the median of three consecutive good frames, received at a plausible rate.
 //!
 //! SBUS has no checksum, the CRC-8 of CRSF lets one damaged frame in 256 through, and a pulse may be a spike. The median of
-//! three drops whatever a single frame says, and costs one frame of delay.
+//! three discards any single odd frame, and costs one frame of delay.
 
 use crate::channels::{Channels, Pulse};
 use crate::count::count;
 use embassy_time::{Duration, Instant};
 
-/// Frames that may come at once, because the task was late.
+/// Frames that may arrive at once because the task was late.
 const BURST: u32 = 4;
 
 /// Why a good frame has no valid value yet.
@@ -22,14 +22,14 @@ pub(crate) enum NotYet {
 /// Consecutive frames of `N` channels.
 #[derive(Clone, Debug)]
 pub(crate) struct Confirm<const N: usize> {
-    /// Least time between two frames of the sender.
+    /// Shortest time between two frames of the sender.
     least: Duration,
     /// Longest time between two frames of a row.
     most: Duration,
     /// The last two frames of the row, the newer one last.
     row: [Option<[Pulse; N]>; 2],
     last: Option<Instant>,
-    /// Time at which all frames so far would have come at the least time between two.
+    /// Time when the next frame would be due if all so far had come at the shortest interval.
     due: Option<Instant>,
 }
 
@@ -38,7 +38,7 @@ impl<const N: usize> Confirm<N> {
         Self { least, most, row: [None; 2], last: None, due: None }
     }
 
-    /// Ends the row: a frame was damaged, or says that its values are none.
+    /// Ends the row: a frame was damaged, or marks its values as invalid.
     pub const fn end(&mut self) {
         self.row = [None; 2];
     }
@@ -64,7 +64,7 @@ impl<const N: usize> Confirm<N> {
         Ok(result)
     }
 
-    /// Takes a good frame of all channels, and returns the valid ones. One that came too early is counted.
+    /// Takes a good frame of all channels, and returns the valid ones. Counts a frame that came too early.
     pub fn channels(&mut self, now: Instant, pulses: [Pulse; N], too_fast: &mut u32) -> Option<Channels> {
         match self.frame(now, pulses) {
             Ok(pulses) => Some(Channels::new(pulses.map(Some))),
@@ -92,7 +92,7 @@ mod tests {
         Pulse::new(us).unwrap()
     }
 
-    /// Frames at these times in ms; the valid values.
+    /// Feeds frames at these times in ms, and returns the valid values.
     fn play(confirm: &mut Confirm<1>, frames: &[(u64, u16)]) -> std::vec::Vec<Result<u16, NotYet>> {
         let play = |&(at, us): &(u64, u16)| {
             confirm.frame(Instant::from_millis(at), [pulse(us)]).map(|[value]| value.us())
@@ -138,7 +138,7 @@ mod tests {
         let mut confirm = Confirm::new(LEAST, MOST);
         let flood: std::vec::Vec<_> = (0..100).map(|i| (i / 10, 1100)).collect();
         let counts = play(&mut confirm, &flood);
-        // 10 ms carry three frames, beside the first and a burst.
+        // 10 ms have time for three frames, besides the first one and a burst.
         assert_eq!(counts.iter().filter(|result| **result != Err(NotYet::TooFast)).count(), 8);
         let mut confirm = Confirm::new(LEAST, MOST);
         let late =

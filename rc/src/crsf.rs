@@ -1,5 +1,5 @@
-//! CRSF: frames with a CRC-8, at 420 000 baud, 8N1, not inverted. A Crossfire receiver sends 416 666 baud, which a UART set to
-//! 420 000 takes.
+//! CRSF: frames with a CRC-8, at 420 000 baud, 8N1, not inverted. A Crossfire receiver sends at 416 666 baud, which a UART at
+//! 420 000 baud receives.
 //!
 //! | byte | contents |
 //! |---|---|
@@ -42,9 +42,9 @@ const MOST: Duration = Duration::from_millis(100);
 pub struct CrsfCounters {
     /// Good frames of channels.
     pub frames: u32,
-    /// Of them, while the receiver reported no uplink.
+    /// Those received while the receiver reported no uplink.
     pub no_link: u32,
-    /// Of them, faster than the line can carry.
+    /// Those that came faster than the line can carry.
     pub too_fast: u32,
     /// Good frames of link statistics.
     pub statistics: u32,
@@ -72,9 +72,9 @@ pub struct LinkStatistics {
     pub uplink_snr: i8,
     /// Antenna in use, 0 or 1.
     pub antenna: u8,
-    /// Mode of the radio, as its maker numbers it.
+    /// Radio mode, numbered by its manufacturer.
     pub rf_mode: u8,
-    /// Power of the transmitter, as a number of the specification.
+    /// Transmitter power, as a code of the specification.
     pub uplink_power: u8,
     /// Signal strength of the downlink, in −dBm.
     pub downlink_rssi: u8,
@@ -139,8 +139,8 @@ impl Crsf {
         self.link.as_ref()
     }
 
-    /// Takes bytes up to the end of one frame of channels, and returns how many it took. `now` is the time at which the last of
-    /// `bytes` was received, or later. Channels are the values that count with this frame.
+    /// Takes bytes up to the end of one frame of channels. Returns how many it took, and the channels that are valid with this
+    /// frame. `now` is the time at which the last of `bytes` was received, or later.
     pub fn receive(&mut self, now: Instant, bytes: &[u8]) -> (usize, Option<Channels>) {
         if bytes.is_empty() {
             return (0, None);
@@ -148,7 +148,7 @@ impl Crsf {
         let first = now.checked_sub(Duration::from_micros(BYTE * bytes.len() as u64));
         let paused = |last| first.is_some_and(|first| first.saturating_duration_since(last) >= PAUSE);
         if self.last.is_some_and(paused) && !self.buffer.is_empty() {
-            // What is in it would be old when it is complete.
+            // Its contents would be old by the time it is complete.
             count(&mut self.counters.truncated);
             self.drop_first(self.buffer.len());
         }
@@ -177,7 +177,7 @@ impl Crsf {
                 Found::Frame(len) => {
                     let taken = self.take(now);
                     self.drop_first(len);
-                    // Of two frames in the buffer the later one.
+                    // Of two frames in the buffer, the later one counts.
                     result = taken.or(result);
                 }
             }
@@ -257,7 +257,7 @@ impl Crsf {
         self.confirm.channels(now, pulses, &mut self.counters.too_fast)
     }
 
-    /// Drops the first byte, and all behind it up to one that may begin a frame.
+    /// Drops the first byte, and all bytes up to the next one that may begin a frame.
     fn skip(&mut self) {
         self.confirm.end();
         let next = self.buffer.iter().skip(1).position(|byte| START.contains(byte));

@@ -1,20 +1,20 @@
-//! Edges of servo pulses, as a timer catches them that counts µs in 16 bits: a pulse is a rise and the fall behind it.
+//! Edges of servo pulses, caught by a 16-bit timer that counts µs: a pulse is a rising edge and the falling edge after it.
 //!
-//! Nothing is known of a pulse whose beginning was not seen. An input with more edges than pulses have is noise, and rests: the
-//! interrupts of its edges are above every engine. Then it is tried again.
+//! A pulse whose beginning was missed is ignored. An input with more edges than servo pulses have is noisy, and rests: its
+//! interrupts preempt every engine. Then it is tried again.
 
 use crate::count::count;
 use crate::pwm::PWM_CHANNELS;
 use crate::runner::MeasuredPulse;
 use embassy_time::{Duration, Instant};
 
-/// What is longer is measured by the clock of the node: the counter may have come round.
+/// Longer times are measured by the node's clock: the counter may have wrapped.
 const COUNTS: Duration = Duration::from_millis(60);
-/// Edges of an input in this time that are taken, and the time for which one with more rests.
+/// Window in which an input may have [`MOST_EDGES`] edges. An input with more rests for the same time.
 const WINDOW: Duration = Duration::from_millis(20);
 const MOST_EDGES: u8 = 24;
 
-/// Longest time between two looks at inputs that rest.
+/// Longest time between two checks of resting inputs.
 pub const LOOK_AFTER: Duration = WINDOW;
 
 /// One input.
@@ -27,11 +27,11 @@ struct Input {
     /// Edges since then.
     edges: u8,
     since: Instant,
-    /// It has rested since then.
+    /// Time since which it has rested.
     rests: Option<Instant>,
 }
 
-/// What came of an edge.
+/// Result of an edge.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Caught {
     /// Nothing yet.
@@ -46,7 +46,7 @@ pub enum Caught {
 #[derive(Clone, Copy, Debug)]
 pub struct Edges {
     inputs: [Input; PWM_CHANNELS],
-    /// Times that an input had to rest. It wraps.
+    /// Number of times that an input had to rest. Wraps.
     rests: u32,
 }
 
@@ -66,14 +66,14 @@ impl Edges {
         Self { inputs: [Input::NEW; PWM_CHANNELS], rests: 0 }
     }
 
-    /// Times that an input had to rest.
+    /// Number of times that an input had to rest.
     pub const fn rests(&self) -> u32 {
         self.rests
     }
 
-    /// Takes an edge of an input, by its place from 0, that was caught at this count in µs: a rise if the line is high now.
+    /// Takes an edge of the input at `place`, from 0, caught at the count `at` in µs: a rising edge if the line is now high.
     pub fn edge(&mut self, now: Instant, place: usize, at: u16, is_high: bool) -> Caught {
-        // One that rests is looked at with an edge of another: which edge it caught is not known.
+        // A resting input is read when another one has an edge: which edge it caught is unknown.
         let input = self.inputs.get_mut(place).filter(|input| input.rests.is_none());
         let Some(input) = input else { return Caught::Noise };
         if now.saturating_duration_since(input.since) > WINDOW {
@@ -103,8 +103,8 @@ impl Edges {
         }
     }
 
-    /// The places of inputs that have rested for long enough, once: catch their edges again. Look at every pulse, of whatever input, and at
-    /// least as often as [`LOOK_AFTER`].
+    /// Returns each input that has rested for long enough, once: catch its edges again. Call this at each pulse of any input, and at least
+    /// every [`LOOK_AFTER`].
     pub fn rested(&mut self, now: Instant) -> impl Iterator<Item = usize> {
         let over = move |since: Instant| now.saturating_duration_since(since) >= WINDOW;
         let inputs = self.inputs.iter_mut().enumerate();

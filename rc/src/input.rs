@@ -1,4 +1,4 @@
-//! One type for all inputs, so that what is behind does not know which it is.
+//! One type for all inputs, so that the code behind it is the same for each.
 
 use crate::channels::Channels;
 use crate::crsf::Crsf;
@@ -18,8 +18,8 @@ pub enum Input {
 }
 
 impl Input {
-    /// Takes bytes of a UART up to the end of one frame, and returns how many it took, with the valid values. An input of
-    /// pulses takes them all and ignores them.
+    /// Takes bytes of a UART up to the end of one frame, and returns how many it took, with the valid values. A pulse
+    /// input takes and ignores all of them.
     pub fn receive(&mut self, now: Instant, bytes: &[u8]) -> (usize, Option<Channels>) {
         match self {
             Self::Sbus(sbus) => sbus.receive(now, bytes),
@@ -28,7 +28,7 @@ impl Input {
         }
     }
 
-    /// Takes a fault that the UART reported. CRSF needs none: it has a checksum.
+    /// Takes a fault that the UART reported. CRSF ignores it: its frames have a checksum.
     pub fn line_error(&mut self) {
         if let Self::Sbus(sbus) = self {
             sbus.line_error();

@@ -1,29 +1,29 @@
-//! Radio control of a turbine node: what a receiver sends becomes commands, and the state of an engine becomes the levels of
-//! its fuel valve and of the power of its starter and ignition.
+//! Radio control of a turbine node: a receiver's channels become commands, and an engine's state switches its fuel valve and
+//! the power of its starter and ignition.
 //!
-//! Everything but the runner is sans IO, as the links of the library are: bytes, pulse widths and the time in, commands and
-//! levels out. `docs/rc.md` of the repository has the rules, the settings and what is missing.
+//! Everything but the runner is sans IO, like the links of the library: bytes, pulse widths and the time in, commands and
+//! levels out. `docs/rc.md` in the repository describes the rules, the settings and what is missing.
 //!
 //! | module | contents |
 //! |---|---|
-//! | [`channels`], `confirm` | channels of a receiver; when a value is valid |
+//! | [`channels`], `confirm` | channels of a receiver; when their values are valid |
 //! | [`sbus`], [`crsf`], [`pwm`], [`input`] | the three inputs, and one type for all |
 //! | [`edges`] | pulses from the edges that a timer catches |
-//! | [`reception`] | what came of all that was received, for people |
+//! | [`reception`] | counters of what was received, for people |
 //! | [`settings`], [`config`] | settings of an engine and of its outputs; the receiver of a node |
 //! | `position`, `alternation` | positions of a switch, debounced; a throttle that two senders move |
 //! | [`calibration`], [`pilot`] | end points of the stick; one engine: its stick, its switch, its commands |
-//! | [`service`], [`runner`] | one receiver and its engines; the UART that it is on |
+//! | [`service`], [`runner`] | one receiver and its engines; its UART |
 //! | [`outputs`], [`wiring`] | fuel valve, power of starter and ignition; the pins that drive them |
-//! | [`starts`] | a firmware that fails at each start |
-//! | [`shared`], `parameters` | outputs as others see them; with the feature `mavlink`, settings as parameters and what it reports |
+//! | [`starts`] | a bound on a firmware that fails at each start |
+//! | [`shared`], `parameters` | outputs as other tasks see them; with the feature `mavlink`, settings as parameters, and reports |
 //!
 //! **A value is valid when it is the median of three consecutive good frames.** So no single damaged frame moves a throttle or
 //! a switch, with or without a checksum.
 //!
-//! The decoders are our own. The package `sbus-rs` 0.1.3 has no time and takes every 0x0F for a beginning: a stream that it
-//! enters in the middle of a frame can keep it beside the frames forever, with wrong values that it reports as good. `crsf`
-//! 2.0.1 panics on a short frame with a right checksum, and drops what follows a frame in its buffer.
+//! The decoders are our own. The package `sbus-rs` 0.1.3 ignores time and takes every 0x0F for the start of a frame: if it
+//! begins in the middle of a frame, it can stay out of step forever and report wrong values as good. `crsf` 2.0.1 panics on
+//! a short frame with a correct checksum, and drops what follows a frame in its buffer.
 //!
 //! **Nothing here has run on hardware yet.**
 #![no_std]

@@ -16,9 +16,9 @@ use jetlink::units::Celsius;
 const EGT_FALL: i16 = 200;
 /// Exhaust temperature at which an engine is cold.
 const COLD: Celsius = Celsius::from_tenths(1000);
-/// Below this the report of an exhaust is wrong.
+/// Exhaust temperature below which a report is wrong.
 const COLDEST: Celsius = Celsius::from_tenths(-400);
-/// Time of reports of a cold engine until its starter is no longer needed.
+/// Time for which an engine has to be reported cold until its starter is no longer needed.
 const COLD_FOR: Duration = Duration::from_secs(3);
 
 /// Fuel valve.
@@ -31,14 +31,14 @@ pub enum Valve {
     Open,
 }
 
-/// Why an output is as it is.
+/// Reason for the state of an output.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Why {
-    /// The record from before a reset.
+    /// As recorded before a reset.
     Retained,
-    /// After a reset without a record that calls for more.
+    /// After a reset, no record calls for it.
     NotRecorded,
     /// The firmware failed in repeated starts with the valve open.
     FailedStarts,
@@ -131,7 +131,7 @@ impl core::fmt::Display for Change {
     }
 }
 
-/// What slows down after an order of standby: the least that was reported.
+/// Lowest values reported since an order of standby.
 #[derive(Clone, Copy, Debug)]
 struct Least {
     rpm: Option<u32>,
@@ -156,13 +156,13 @@ pub struct Outputs {
     power: bool,
     /// The firmware failed in repeated starts: the valve stays closed until the engine is at rest or is started again.
     cut: bool,
-    /// A run that is in force was found: no standby of this life came before it.
+    /// A run in force was found, not started here: no standby came before it.
     found: bool,
-    /// The valve was opened for a service, in the standby that is still in force.
+    /// The valve was opened for a service during the standby that is still in force.
     for_service: bool,
     /// Time since which an order of standby has not been followed.
     not_followed_since: Option<Instant>,
-    /// Under an order of standby, an engine that turns.
+    /// Lowest values of an engine that turns under an order of standby.
     least: Option<Least>,
     /// Time since which all reports have been of an engine that is cold and at rest, with no order to run.
     cold_since: Option<Instant>,
@@ -195,7 +195,7 @@ impl Outputs {
     /// The outputs after a reset. Drive the pins ([`crate::wiring::OutputConfig::levels`]) before anything else.
     ///
     /// The valve is open only if the record says that the engine runs and that nothing stops it, and the firmware has not failed in
-    /// repeated starts. A start that was under way is none: the engine ends it. The power stays as it was: only reports of a cold engine
+    /// repeated starts. A start in progress does not count: the engine ends it. The power stays as it was: only reports of a cold engine
     /// turn it off, and a reset is none. The record of an armed engine turns it on; so does that of one that ran or was stopped, where it is not
     /// known.
     pub fn new(settings: OutputSettings, before: Before) -> Self {
@@ -219,7 +219,7 @@ impl Outputs {
         }
     }
 
-    /// What the outputs are after a reset, as changes.
+    /// The outputs after a reset, as changes.
     pub fn restored(&self) -> [Change; 2] {
         let why = |on| if on { Why::Retained } else { Why::NotRecorded };
         let of_valve = if self.cut { Why::FailedStarts } else { why(self.valve == Valve::Open) };
@@ -231,7 +231,7 @@ impl Outputs {
         self.cut
     }
 
-    /// Takes settings that were stored, before the first update.
+    /// Takes stored settings, before the first update.
     pub const fn configure(&mut self, settings: OutputSettings) {
         self.settings = settings;
     }
@@ -246,8 +246,8 @@ impl Outputs {
         self.power
     }
 
-    /// Follows the engine, and returns what changed. Call it at every snapshot of its telemetry, and ten times a second: a wait has no
-    /// other clock.
+    /// Follows the engine, and returns what changed. Call it at every snapshot of its telemetry, and ten times a second: its timeouts
+    /// have no other clock.
     pub fn update(&mut self, telemetry: &Telemetry) -> [Option<Change>; 2] {
         let decided = self.decide_valve(telemetry).filter(|(valve, _)| *valve != self.valve);
         if let Some((valve, _)) = decided {
@@ -273,7 +273,7 @@ impl Outputs {
             Order::Run(_) | Order::Doubt(_) | Order::Pwm => {}
         }
         let is_started = !self.found && is_started(telemetry);
-        // A flame that is out gets no fuel again until somebody starts the engine again.
+        // A flame that is out gets no fuel until somebody starts the engine again.
         let stopped = matches!(order, Order::Standby | Order::EmergencyStop);
         self.cut &= !(stopped && is_at_rest(telemetry) || is_started);
         let closed = |why| Some((Valve::Closed, why));
@@ -286,16 +286,16 @@ impl Outputs {
         }
         match order {
             Order::EmergencyStop => closed(Why::StopLatched),
-            // A start that was found after a reset: what was cut meanwhile is not given to a hot engine again, whoever takes it over.
+            // A start found after a reset: a hot engine whose fuel was cut meanwhile gets none again, whoever takes it over.
             Order::Run(_) if telemetry.start_by.is_some() && !is_started => None,
-            // A run is in force only by a permitted start, or because the engine lives.
+            // A run is in force only after a permitted start, or because the engine lives.
             Order::Run(_) | Order::Pwm => open(Why::Ordered),
-            // Standby never opens it for an engine: what still turns is being shut down.
+            // Standby opens the valve only for a service: an engine that still turns is being shut down.
             Order::Standby if telemetry.fuel_service => {
                 self.for_service = true;
                 open(Why::Service)
             }
-            // The ECU may continue a service by its own clock.
+            // The ECU may continue a service on its own clock.
             Order::Standby if self.for_service && telemetry.shaft_turns() != Some(true) => {
                 closed(Why::ServiceOver)
             }
@@ -307,7 +307,7 @@ impl Outputs {
     }
 
     /// Whether standby has not been followed for too long: the ECU reports that it does something else or, where a source has
-    /// commanded standby, reports nothing at all. Or the engine does not slow down, whatever the ECU says that it does.
+    /// commanded standby, reports nothing at all. Or the engine does not slow down, whatever the ECU reports.
     fn not_followed(&mut self, telemetry: &Telemetry) -> Option<Why> {
         let reported = self.not_reported(telemetry);
         let turning = self.keeps_running(telemetry);
@@ -316,7 +316,7 @@ impl Outputs {
 
     fn not_reported(&mut self, telemetry: &Telemetry) -> Option<Why> {
         let ordered = telemetry.ordered;
-        // The node also orders standby in doubt: then nothing is concluded from silence, unless nothing came since its start.
+        // The node also orders standby in doubt: then silence proves nothing, unless nothing was received since its start.
         let meant = ordered.origin != Origin::Node || telemetry.last_rx.is_none();
         let not_received = meant && phase(telemetry).is_none();
         let obeyed = telemetry.obeyed || telemetry.link != LinkState::Up;
@@ -338,7 +338,7 @@ impl Outputs {
         let turns = telemetry.shaft_turns().filter(|_| up);
         // Without a shaft speed the exhaust decides.
         let may_run = turns.unwrap_or(egt.is_some_and(|egt| egt > COLD.tenths()));
-        // What the node itself orders in doubt concludes nothing about an ECU that does not report its state.
+        // An order of the node itself, in doubt, proves nothing about an ECU that does not report its state.
         let meant = telemetry.ordered.origin != Origin::Node || phase(telemetry).is_some();
         if telemetry.ordered.order != Order::Standby || !may_run || !meant {
             self.least = None;
@@ -349,7 +349,7 @@ impl Outputs {
         if least.has_fallen(rpm, egt) {
             *least = now;
         }
-        // What was not reported before.
+        // Values that were not reported before.
         least.rpm = least.rpm.or(rpm);
         least.egt = least.egt.or(egt);
         let since = least.since;
@@ -361,7 +361,7 @@ impl Outputs {
     fn decide_power(&mut self, telemetry: &Telemetry) -> Option<(bool, Why)> {
         let ordered = matches!(telemetry.ordered.order, Order::Run(_) | Order::Doubt(_) | Order::Pwm);
         let cold = self.has_been_cold(telemetry, ordered);
-        // Also after a reset that has lost what was armed: the starter cools a hot turbine.
+        // Also after a reset that has lost the arming: the starter cools a hot turbine.
         let busy = matches!(phase(telemetry), Some(Phase::Starting | Phase::Running | Phase::Cooling));
         match () {
             () if telemetry.armed => Some((true, Why::Armed)),
@@ -372,14 +372,14 @@ impl Outputs {
         }
     }
 
-    /// Whether the ECU has reported an engine that is cold and at rest for long enough: nothing gives the power back to one that is hot.
-    /// An order to run begins it anew: a start may end before the ECU has reported it.
+    /// Whether the ECU has reported an engine that is cold and at rest for long enough: once off, nothing restores the power of a hot
+    /// one. An order to run restarts this time: a start may end before the ECU has reported it.
     fn has_been_cold(&mut self, telemetry: &Telemetry, ordered: bool) -> bool {
         let Some(at) = cold_and_at_rest(telemetry).filter(|_| !ordered) else {
             self.cold_since = None;
             return false;
         };
-        // By the reports: a single one is not enough, however long it stays current.
+        // Counted by reports: a single one is not enough, however long it stays current.
         at.saturating_duration_since(*self.cold_since.get_or_insert(telemetry.at)) >= COLD_FOR
     }
 }
@@ -388,7 +388,7 @@ fn phase(telemetry: &Telemetry) -> Option<Phase> {
     telemetry.current(telemetry.report.phase).filter(|_| telemetry.link == LinkState::Up)
 }
 
-/// A start is under way that a source commands: the node itself starts none. It may have been found.
+/// Whether a start commanded by a source is in progress: the node itself starts none. It may have been found.
 fn is_started(telemetry: &Telemetry) -> bool {
     let runs = matches!(telemetry.ordered.order, Order::Run(_));
     runs && telemetry.start_by.is_some() && telemetry.ordered.origin != Origin::Node
@@ -405,7 +405,7 @@ fn lives(telemetry: &Telemetry) -> bool {
     phase(telemetry) == Some(Phase::Running) && telemetry.shaft_turns() != Some(false)
 }
 
-/// The time of the exhaust's report, where the ECU reports an engine that is cold and at rest.
+/// Time of the report of the exhaust temperature, if the ECU reports an engine that is cold and at rest.
 fn cold_and_at_rest(telemetry: &Telemetry) -> Option<Instant> {
     let at_rest = matches!(phase(telemetry), Some(Phase::Stopped | Phase::Standby));
     let egt = telemetry.report.egt.filter(|_| at_rest && telemetry.shaft_turns() != Some(true))?;

@@ -26,7 +26,7 @@ pub const fn rows(radio: bool, outputs: bool) -> &'static [&'static [Row]] {
     }
 }
 
-/// Takes the settings of an engine from a record that was stored. Those that contradict each other stay as they were.
+/// Takes the settings of an engine from a stored record. Settings that contradict each other stay unchanged.
 pub fn apply(radio: Option<&mut EngineSettings>, outputs: Option<&mut OutputSettings>, record: &[u8]) {
     let rows = rows(radio.is_some(), outputs.is_some());
     let mut new_radio = radio.as_deref().copied();
@@ -44,7 +44,7 @@ pub fn apply(radio: Option<&mut EngineSettings>, outputs: Option<&mut OutputSett
     }
 }
 
-/// Outputs of a node, with their settings as they are stored: they count from its next start on.
+/// Outputs of a node, with their stored settings, which take effect at its next start.
 #[derive(Debug)]
 struct NodeOutputs<'a, const N: usize> {
     shared: &'a Shared<N>,
@@ -52,8 +52,7 @@ struct NodeOutputs<'a, const N: usize> {
     settings: [OutputSettings; N],
 }
 
-/// A receiver of radio control, and outputs, of a node with up to `N` engines. The receiver's engines are all those of the node, in
-/// their order.
+/// Receiver and outputs of a node with up to `N` engines. The receiver commands all engines of the node, in their order.
 pub struct Parameters<'a, 'b, const N: usize> {
     radio: Option<&'a RefCell<Service<'b, N>>>,
     outputs: Option<NodeOutputs<'a, N>>,
@@ -66,7 +65,7 @@ impl<const N: usize> core::fmt::Debug for Parameters<'_, '_, N> {
 }
 
 impl<'a, 'b, const N: usize> Parameters<'a, 'b, N> {
-    /// What there is.
+    /// With what the node has of both.
     pub fn new(
         radio: Option<&'a RefCell<Service<'b, N>>>,
         outputs: Option<(&'a Shared<N>, [OutputSettings; N])>,
@@ -76,7 +75,7 @@ impl<'a, 'b, const N: usize> Parameters<'a, 'b, N> {
         Self { radio, outputs }
     }
 
-    /// Settings of the outputs of an engine, as they are to be stored.
+    /// Settings of the outputs of an engine, as they will be stored.
     pub fn output_settings(&self, engine: usize) -> Option<OutputSettings> {
         self.outputs.as_ref()?.settings.get(engine).copied()
     }

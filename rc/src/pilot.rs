@@ -4,11 +4,11 @@
 //! moved there from stop with the stick at idle. *Run allowed* starts, if the switch has moved there from standby with the
 //! stick at idle and steady, and otherwise moves the throttle of an engine that is ordered to run.
 //!
-//! **Only a movement that is received is a move:** a position that is found at power-up or after a pause starts, arms, releases
-//! and shuts down nothing. Stop is obeyed as a position, after a pause once it has been held.
+//! **Only a received movement is a move:** a position that is found at power-up or after a pause does not start, arm, release
+//! or shut down anything. Stop is obeyed as a position; after a pause, once it has been held.
 //!
-//! Frames come in, commands go out, one at most for each frame but for a stop or a release. Without a frame there is no command: then the
-//! engine's stages of loss begin. Nothing here has a timer.
+//! Frames come in, commands go out: one at most for each frame, except for a stop or a release. Without frames there are no commands, and
+//! the engine's stages of loss begin. Nothing here has a timer.
 
 use crate::alternation::Alternation;
 use crate::calibration::{Calibration, CalibrationError};
@@ -26,15 +26,16 @@ use jetlink::units::{Rpm, Throttle};
 
 /// Longest time between two frames that belong together.
 const GAP: Duration = Duration::from_millis(200);
-/// Time after a gap for which a position has to be held for longer.
+/// Time after a gap in which a position has to be held for longer.
 const RETURN: Duration = Duration::from_secs(1);
-/// Time for which a position has to be held until it is accepted, after a gap.
+/// Time for which a position has to be held after a gap until it is accepted.
 const HOLD_RETURN: Duration = Duration::from_millis(300);
 /// The same without a gap, for all positions but stop, which is accepted at once.
 const HOLD: Duration = Duration::from_millis(60);
-/// Least pulse of a throttle, and of a stop beside one that cannot be read, in µs: an autopilot that starts gives 881 µs on all its outputs.
+/// Shortest pulse, in µs, of a throttle, and of a stop beside a throttle that cannot be read: a starting autopilot sends 881 µs on all its
+/// outputs.
 const DRIVEN: u16 = 900;
-/// Distance in µs by which a throttle below that is beyond its end point, as one that nobody drives.
+/// Distance below its end point, in µs, at which a shorter throttle pulse counts as not driven.
 const NOT_DRIVEN: u16 = 10;
 /// Time for which stick and switch have been steady before a start, an arming or a release.
 const STEADY: Duration = Duration::from_millis(500);
@@ -56,7 +57,7 @@ pub enum Ignored {
     Settling,
 }
 
-/// What came of a frame.
+/// Result of a frame.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Outcome {
     /// No command.
@@ -79,7 +80,7 @@ pub struct PilotCounters {
     pub silent: u32,
     /// Frames with a throttle beyond its end points, or one that alternates.
     pub throttle_beyond: u32,
-    /// Frames with a switch between two positions, or one that had not been held.
+    /// Frames with a switch between two positions, or at one that had not been held.
     pub unclear: u32,
     /// Gaps between frames.
     pub gaps: u32,
@@ -99,14 +100,14 @@ struct Reading {
     handed_over: bool,
 }
 
-/// What of a frame is used.
+/// Which parts of a frame are used.
 #[derive(Clone, Copy, Debug)]
 struct Settling {
-    /// Position of the switch before it.
+    /// Position of the switch before the frame.
     before: Option<Position>,
-    /// Its position.
+    /// The position of the switch is used.
     position: bool,
-    /// Everything that is read.
+    /// All of the frame is used.
     all: bool,
 }
 
@@ -133,12 +134,12 @@ pub struct Pilot<'a> {
     /// The start of the last move waits for another engine.
     waits: bool,
     alternation: Alternation,
-    /// First and last of the frames in a row whose switch is at stop while another channel cannot be read.
+    /// First and last of consecutive frames with the switch at stop while another channel cannot be read.
     unreadable_stop: Option<(Instant, Instant)>,
     calibration: Option<Calibration>,
     /// The stored settings are damaged, and nobody has confirmed the present ones.
     damaged: bool,
-    /// The switch has moved in sight to where it is.
+    /// The switch was seen moving to its position.
     moved: bool,
     counters: PilotCounters,
 }
@@ -201,8 +202,8 @@ impl<'a> Pilot<'a> {
         Ok(())
     }
 
-    /// The stored settings are damaged, or have been confirmed: while they are damaged the engine is not started, as none of them may be
-    /// what anybody has chosen.
+    /// Sets whether the stored settings are damaged. While they are, the engine is not started, as nobody may have chosen the present
+    /// ones.
     pub const fn set_damaged(&mut self, damaged: bool) {
         self.damaged = damaged;
     }
@@ -219,10 +220,10 @@ impl<'a> Pilot<'a> {
         Ok(())
     }
 
-    /// Ends the calibration, and takes the end points that were seen.
+    /// Ends the calibration, and takes the end points seen.
     ///
     /// # Errors
-    /// There are none: nothing has changed.
+    /// There are no end points, or the engine turns. No setting has changed.
     pub fn end_calibration(&mut self) -> Result<(u16, u16), CalibrationError> {
         let calibration = self.calibration.take().ok_or(CalibrationError::NotBegun)?;
         if self.turns() {
@@ -354,7 +355,7 @@ impl<'a> Pilot<'a> {
             return Err(Ignored::Off);
         }
         let pulse = channels.get(settings.throttle).ok_or(Ignored::Silent)?.us();
-        // During a calibration the end points are what is looked for.
+        // A calibration is still looking for the end points.
         let below = settings.low.saturating_sub(pulse);
         let above = pulse.saturating_sub(settings.high);
         let driven = pulse >= DRIVEN || below <= NOT_DRIVEN;
@@ -391,7 +392,7 @@ impl<'a> Pilot<'a> {
     /// Position of the stick in 0.1 %.
     fn share(&self, pulse: u16) -> u16 {
         let EngineSettings { low, high, reversed, .. } = self.settings;
-        // Checked: the end points are apart.
+        // `EngineSettings::check` keeps the end points apart.
         let range = u32::from(high.saturating_sub(low)).max(1);
         let above = u32::from(pulse.saturating_sub(low)).min(range);
         let above = if reversed { range - above } else { above };
@@ -420,7 +421,7 @@ impl<'a> Pilot<'a> {
             self.switch.see(now, position, hold)
         });
         let handed_over = self.hand_over.see(now, reading.handed_over, hold);
-        // Only the stop is obeyed while it is not known who is to have the throttle.
+        // Only the stop is obeyed while it is not clear who has the throttle.
         let stop = reading.position == Some(Position::Stop);
         Settling { before, position, all: position && (handed_over || stop) }
     }
@@ -428,7 +429,7 @@ impl<'a> Pilot<'a> {
     /// Notes moves of the switch, and since when it has been at standby.
     fn note_moves(&mut self, now: Instant, before: Option<Position>, reading: &Reading) {
         let moved = before.filter(|before| Some(*before) != reading.position);
-        // What was before a gap is no beginning of a move.
+        // A position from before a gap does not begin a move.
         let in_sight = now.saturating_duration_since(self.since) >= RETURN;
         if moved.is_some() {
             self.moved = in_sight;
@@ -440,7 +441,7 @@ impl<'a> Pilot<'a> {
         }
         match reading.position {
             Some(Position::Standby) => self.standby_since = self.standby_since.or(Some(now)),
-            // The move to run is judged with it, see `in_standby`.
+            // The move to run is judged in `in_standby`.
             Some(Position::Run) if before == Some(Position::Standby) => self.shut_down = false,
             _ => {
                 self.standby_since = None;
@@ -450,7 +451,7 @@ impl<'a> Pilot<'a> {
         if reading.position != Some(Position::Standby) {
             (self.release, self.arm) = (false, false);
         }
-        // A hand-over that has not settled takes no order of the switch away.
+        // A hand-over that has not settled does not discard an order of the switch.
         if self.hand_over.get() == Some(true) {
             (self.shut_down, self.waits, self.arm) = (false, false, false);
         }
@@ -464,7 +465,7 @@ impl<'a> Pilot<'a> {
         steady(self.idle_since) && steady(self.standby_since)
     }
 
-    /// The switch is at stop: latched, and a later arming begins from disarmed.
+    /// The switch is at stop: the stop latches, and a later arming begins from disarmed.
     fn stop(&mut self) -> Outcome {
         self.waits = false;
         let outcome = self.command(Command::EmergencyStop);
@@ -506,7 +507,7 @@ impl<'a> Pilot<'a> {
         match position {
             None => return self.command(Command::Present),
             Some(Position::Run) => {
-                // What was before a gap is no beginning of a move.
+                // A position from before a gap does not begin a move.
                 let in_sight = now.saturating_duration_since(self.since) >= RETURN;
                 let moved = before == Some(Position::Standby) && in_sight;
                 let steady = moved && self.is_steady(now);
@@ -520,8 +521,8 @@ impl<'a> Pilot<'a> {
                     return Outcome::SettingsDamaged;
                 }
                 if steady || self.waits {
-                    // A stick at idle is idle, whatever shaft speed it commands then: not every engine's idle speed is known. But that
-                    // speed is commanded next: a start that it would leave without a source is refused for it.
+                    // A stick at idle starts at idle throttle, whatever shaft speed it commands: not every engine's idle speed is
+                    // known. But that speed is commanded next: if the engine cannot follow it, the start is refused for it.
                     let start = if idle && self.is_followed(demand) {
                         Demand::Throttle(Throttle::IDLE)
                     } else {
@@ -538,13 +539,13 @@ impl<'a> Pilot<'a> {
             Some(Position::Standby) if self.arm && self.is_steady(now) => {
                 self.arm = false;
                 count(&mut self.counters.armings);
-                // Refused only where a stop is latched.
+                // Refused only while a stop is latched.
                 let _ = self.source.command(Command::Arm);
             }
             _ => {}
         }
-        // The node itself has ordered standby, in doubt, and nothing is known of the engine, which may be in order. A position that was found,
-        // or run, adds nothing to that: the order stays the node's own. Nothing can be started meanwhile.
+        // The node itself has ordered standby, in doubt, and does not know the state of the engine, which may be healthy. A position that was
+        // found, or run, adds nothing: the order stays the node's own. Nothing can be started meanwhile.
         let in_doubt = telemetry.ordered.origin == Origin::Node && telemetry.link != LinkState::Up;
         let commanded = position == Some(Position::Standby) && self.moved;
         self.command(if in_doubt && !commanded { Command::Present } else { Command::Standby })

@@ -4,7 +4,7 @@ use crate::channels::Pulse;
 use crate::settings::EngineSettings;
 use embassy_time::{Duration, Instant};
 
-/// Distance of two positions in µs.
+/// Distance between two positions, in µs.
 const BETWEEN: u16 = 100;
 
 /// Position of the arm/stop switch.
@@ -16,7 +16,7 @@ pub(crate) enum Position {
 }
 
 impl Position {
-    /// `None` between two positions, where a switch stays only while it moves or is broken.
+    /// `None` between two positions: the switch is moving or broken.
     pub const fn of(pulse: Pulse, settings: &EngineSettings) -> Option<Self> {
         // A pulse is 2200 µs at most.
         let us = if settings.switch_reversed { 3000 - pulse.us() } else { pulse.us() };
@@ -59,7 +59,7 @@ impl<T: Copy + PartialEq> Settled<T> {
         self.candidate = None;
     }
 
-    /// Takes a position, which is accepted when it has been seen for `hold`. True if it is.
+    /// Takes a position, and accepts it once it has been seen for `hold`. True if accepted.
     pub fn see(&mut self, now: Instant, seen: T, hold: Duration) -> bool {
         if self.value == Some(seen) {
             self.candidate = None;

@@ -1,4 +1,4 @@
-//! Servo pulses, up to four channels, each measured by a timer: the width of the pulse, and the time since the pulse before.
+//! Servo pulses, up to four channels, each measured by a timer: the width of the pulse, and the time since the previous pulse.
 //!
 //! 800 to 2200 µs and 20 to 400 Hz are accepted. All else is silence: a receiver that is off, a loose wire, a servo tester
 //! between two pulses.
@@ -8,23 +8,23 @@ use crate::confirm::Confirm;
 use crate::count::count;
 use embassy_time::{Duration, Instant};
 
-/// Channels of pulses.
+/// Number of pulse channels.
 pub const PWM_CHANNELS: usize = 4;
 
-/// Periods that are accepted, in µs: 400 to 20 Hz.
+/// Accepted periods, in µs: 400 to 20 Hz.
 const PERIODS: core::ops::RangeInclusive<u32> = 2500..=50_000;
-/// Longest time between two pulses of a row. Their period is measured; this ends what the timer did not see.
+/// Longest time between two pulses of a row. Their period is measured; this ends a row when the timer has missed a pulse.
 const MOST: Duration = Duration::from_millis(75);
-/// Time for which a channel has a value after its last pulse.
+/// Time for which a channel keeps its value after its last pulse.
 const FRESH: Duration = Duration::from_millis(100);
-/// The period is measured, so there is no other limit of the rate.
+/// Shortest time between two pulses. The period is measured, so no other limit of the rate is needed.
 const LEAST: Duration = Duration::from_micros(2000);
 
 /// Counters of the pulses of one channel. All wrap.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PwmCounters {
-    /// Pulses that are accepted.
+    /// Accepted pulses.
     pub pulses: u32,
     /// Pulses that are too short or too long.
     pub bad_widths: u32,
@@ -69,8 +69,8 @@ impl Pwm {
         self.channels.get(place).map(|channel| &channel.counters)
     }
 
-    /// Takes a pulse of a channel, from 1, that has just ended: its width and the time since the pulse before, both in µs.
-    /// Channels are the values that count, if this one does.
+    /// Takes a pulse of a channel, from 1, that has just ended: its width and the time since the previous pulse, both in
+    /// µs. Returns all valid channels, if this one is valid.
     pub fn pulse(&mut self, now: Instant, number: u8, width: u32, period: u32) -> Option<Channels> {
         let place = usize::from(number).checked_sub(1)?;
         let channel = self.channels.get_mut(place)?;

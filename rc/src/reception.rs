@@ -1,4 +1,4 @@
-//! What became of the frames of a receiver, for people: the same counters for every input.
+//! Reception counters of a receiver, for people: the same for every input.
 
 use crate::input::Input;
 use crate::pilot::PilotCounters;
@@ -9,20 +9,20 @@ use crate::pwm::PWM_CHANNELS;
 pub struct Reception {
     /// Good frames of channels, or pulses.
     pub good: u32,
-    /// Of them, while the receiver reported that it has no link: the flag "fail-safe" of SBUS, an uplink quality of 0 % of CRSF.
+    /// Those received while the receiver reported no link: the flag "fail-safe" of SBUS, an uplink quality of 0 % of CRSF.
     pub without_link: u32,
-    /// Of them, with the flag "frame lost" of SBUS.
+    /// Those with the flag "frame lost" of SBUS.
     pub lost: u32,
-    /// Frames with a wrong checksum, end or flag, with a fault of the UART, or that a pause cut short.
+    /// Frames with a wrong checksum, end or flag, with a UART fault, or cut short by a pause.
     pub damaged: u32,
-    /// Frames that came faster than the line can carry, and pulses of a width or a rate that no receiver has.
+    /// Frames that came faster than the line can carry, and pulses of a width or a rate that no receiver sends.
     pub implausible: u32,
 }
 
 impl core::ops::Add for Reception {
     type Output = Self;
 
-    /// The counters of two lives of a node.
+    /// Adds the counters from before and after a restart of a node.
     fn add(self, other: Self) -> Self {
         Self {
             good: self.good.wrapping_add(other.good),
@@ -35,7 +35,7 @@ impl core::ops::Add for Reception {
 }
 
 impl Input {
-    /// What came of all that was received.
+    /// Counters of all that was received.
     pub fn reception(&self) -> Reception {
         match self {
             Self::Sbus(sbus) => {
@@ -81,7 +81,7 @@ impl core::fmt::Display for Reception {
     }
 }
 
-/// What an engine could not use of frames that count.
+/// Valid frames that an engine could not use.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Unused(pub PilotCounters);
 

@@ -9,7 +9,7 @@ use jetlink::runner::LineErrors;
 
 /// Bytes that are read at once: two frames of SBUS, one of CRSF.
 const READ: usize = 64;
-/// Pause after an error of a port, so that one that fails at once does not occupy the processor.
+/// Pause after a port error, so that a port that fails at once does not occupy the processor.
 const PAUSE: Duration = Duration::from_millis(10);
 
 /// A pulse that a timer has measured.
@@ -19,7 +19,7 @@ pub struct MeasuredPulse {
     pub number: u8,
     /// Its width in µs.
     pub width: u32,
-    /// Time since the beginning of the pulse before, in µs.
+    /// Time since the beginning of the previous pulse, in µs.
     pub period: u32,
 }
 
@@ -37,11 +37,11 @@ pub async fn run_pulses<const N: usize>(
     }
 }
 
-/// Serves the UART of a receiver. The service is borrowed for the time of a call only, so that others can configure it. `errors` are counted by
-/// the UART's interrupt. `after` gets the outcome of each valid frame, for each engine by its place.
+/// Serves the UART of a receiver. The service is borrowed only during a call, so that others can configure it. `errors` are counted by the
+/// UART's interrupt. `after` gets the outcome of each valid frame, for each engine by its place.
 ///
-/// Its reader has to wake at each byte, not when its buffer is half full: an SBUS frame is known by the pause before it. Nothing
-/// of an engine's link waits for it, but a stop of the transmitter passes through it.
+/// The reader has to wake at each byte, not when its buffer is half full: the pause before an SBUS frame identifies it. No
+/// engine's link waits for this task, but a stop of the transmitter passes through it.
 #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read, and what waits")]
 pub async fn run<const N: usize>(
     service: &RefCell<Service<'_, N>>,

@@ -7,8 +7,8 @@
 //! | 23 | bit 0 channel 17, bit 1 channel 18, bit 2 frame lost, bit 3 fail-safe, others 0 |
 //! | 24 | 0x00; SBUS 2 has 0x04, 0x14, 0x24 or 0x34 |
 //!
-//! There is no checksum, and 0x0F also occurs in the channels. So a frame begins only after a pause of the line or right behind a good
-//! frame. Even parity finds one flipped bit of a byte: let the UART report it with [`Sbus::line_error`].
+//! There is no checksum, and 0x0F also occurs in the channels. So a frame begins only after a pause of the line or directly after a
+//! good frame. Even parity finds one flipped bit of a byte: let the UART report it with [`Sbus::line_error`].
 
 use crate::channels::{Channels, PACKED, Pulse, unpack};
 use crate::confirm::Confirm;
@@ -40,15 +40,15 @@ const MOST: Duration = Duration::from_millis(50);
 pub struct SbusCounters {
     /// Good frames.
     pub frames: u32,
-    /// Of them, with the flag "fail-safe".
+    /// Those with the flag "fail-safe".
     pub fail_safe: u32,
-    /// Of them, with the flag "frame lost" alone.
+    /// Those with the flag "frame lost" alone.
     pub frame_lost: u32,
-    /// Of them, faster than the line can carry.
+    /// Those that came faster than the line can carry.
     pub too_fast: u32,
     /// Frames with a wrong end or a reserved flag, or in which the UART reported a fault.
     pub bad_frames: u32,
-    /// Frames that a pause cut short.
+    /// Frames cut short by a pause.
     pub truncated: u32,
     /// Bytes that belonged to no frame.
     pub bytes_skipped: u32,
@@ -103,11 +103,11 @@ impl Sbus {
         &self.counters
     }
 
-    /// Takes bytes up to the end of one frame, and returns how many it took. `now` is the time at which the last of `bytes` was
-    /// received, or later. Channels are the values that count with this frame.
+    /// Takes bytes up to the end of one frame. Returns how many it took, and the channels that are valid with this frame. `now`
+    /// is the time at which the last of `bytes` was received, or later.
     pub fn receive(&mut self, now: Instant, bytes: &[u8]) -> (usize, Option<Channels>) {
         let Some(behind) = bytes.len().checked_sub(1) else { return (0, None) };
-        // The bytes came one after the other: a task that is late sees no pause that was none.
+        // The bytes came back to back: a late task must not see a pause where there was none.
         let first = earlier(now, behind);
         if let Some(last) = self.last
             && first.saturating_duration_since(last) >= PAUSE
@@ -133,8 +133,8 @@ impl Sbus {
         self.damaged = true;
     }
 
-    /// Whether these bytes are what the frame that is being received lacks. A task that became late within a frame reads its rest at once,
-    /// and the pause of the line came behind it, not before.
+    /// Whether these bytes complete the frame that is being received. A task that became late within a frame reads the rest at once: the
+    /// line paused after it, not before.
     fn is_ended_by(&self, bytes: &[u8]) -> bool {
         let mut frame = self.frame.clone();
         !frame.is_empty()
@@ -207,7 +207,7 @@ const fn is_whole(frame: &[u8; FRAME_LEN]) -> bool {
     (end == 0 || end & 0xCF == 0x04) && flags & RESERVED == 0
 }
 
-/// The time of a byte that `behind` others followed until `now`.
+/// Time of a byte that `behind` others have followed until `now`.
 fn earlier(now: Instant, behind: usize) -> Instant {
     now.checked_sub(Duration::from_micros(BYTE * behind as u64)).unwrap_or(Instant::from_ticks(0))
 }

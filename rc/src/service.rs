@@ -7,10 +7,10 @@ use crate::pilot::{Outcome, Pilot};
 use embassy_time::{Duration, Instant};
 use heapless::Vec;
 
-/// Time for which the channels of a frame are what the receiver sends.
+/// Time for which the channels of a frame are current.
 const FRESH: Duration = Duration::from_millis(500);
 
-/// Time for which link statistics are what the receiver reports.
+/// Time for which link statistics are current.
 const LINK_FRESH: Duration = Duration::from_secs(1);
 
 /// An input and up to `N` engines.
@@ -18,14 +18,14 @@ const LINK_FRESH: Duration = Duration::from_secs(1);
 pub struct Service<'a, const N: usize> {
     input: Input,
     pilots: Vec<Pilot<'a>, N>,
-    /// The UART reported a fault with the bytes before.
+    /// The UART reported a fault with the previous bytes.
     fault_before: bool,
     /// The last valid values.
     last: Option<(Instant, Channels)>,
 }
 
 impl<'a, const N: usize> Service<'a, N> {
-    /// This input for these engines; those beyond `N` are not taken.
+    /// A service of this input for these engines; engines beyond `N` are left out.
     pub fn new(input: Input, pilots: impl IntoIterator<Item = Pilot<'a>>) -> Self {
         Self { input, pilots: pilots.into_iter().take(N).collect(), fault_before: false, last: None }
     }
@@ -41,7 +41,7 @@ impl<'a, const N: usize> Service<'a, N> {
     }
 
     /// Begins a calibration of the stick of an engine, by its place, or ends it. `None`: there is no such engine. It is refused while any
-    /// engine of the receiver turns, and a turning one ends it: the stick may be that of several.
+    /// engine of the receiver turns, and an engine that begins to turn ends it: several engines may share the stick.
     pub fn calibrate(&mut self, engine: usize, begin: bool) -> Option<Result<(), CalibrationError>> {
         let any_turns = self.any_turns();
         let pilot = self.pilots.get_mut(engine)?;
@@ -61,20 +61,20 @@ impl<'a, const N: usize> Service<'a, N> {
         self.pilots.get_mut(engine)
     }
 
-    /// The values that count now; `None`: nothing has been received for 0.5 s.
+    /// The current values; `None`: nothing has been received for 0.5 s.
     pub fn channels(&self, now: Instant) -> Option<&Channels> {
         let (at, channels) = self.last.as_ref()?;
         (now.saturating_duration_since(*at) <= FRESH).then_some(channels)
     }
 
-    /// Frames of the radio link that arrive, in percent, as a CRSF receiver has reported it within the last second.
+    /// Share of radio frames that arrive, in percent, as a CRSF receiver reported within the last second.
     pub fn link_quality(&self, now: Instant) -> Option<u8> {
         let Input::Crsf(crsf) = &self.input else { return None };
         let link = crsf.link().filter(|link| now.saturating_duration_since(link.at) <= LINK_FRESH)?;
         Some(link.uplink_quality)
     }
 
-    /// The stored settings are damaged, or have been confirmed: while they are damaged no engine is started.
+    /// Sets whether the stored settings are damaged. While they are, no engine is started.
     pub fn set_damaged(&mut self, damaged: bool) {
         self.pilots.iter_mut().for_each(|pilot| pilot.set_damaged(damaged));
     }
@@ -113,7 +113,7 @@ impl<'a, const N: usize> Service<'a, N> {
         fault: bool,
         mut outcome: impl FnMut(usize, Outcome),
     ) {
-        // A fault is seen when bytes are read: it belongs to them, or to a byte behind them that was not read yet.
+        // A fault is noticed when bytes are read: it belongs to them, or to a later byte that was not read yet.
         if fault || self.fault_before {
             self.input.line_error();
         }

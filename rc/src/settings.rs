@@ -28,14 +28,14 @@ settings! {
     }
 }
 
-/// Least distance of the end points in µs.
+/// Smallest distance between the end points, in µs.
 pub(crate) const SPAN: u16 = 300;
 
-/// Why settings were not taken.
+/// Reason for refusing settings.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum SettingsError {
-    /// One is outside of its range.
+    /// A setting is out of range.
     OutOfRange(&'static Setting),
     /// The end points are too close, or in the wrong order.
     EndPoints,
@@ -43,7 +43,7 @@ pub enum SettingsError {
     Positions,
     /// The shaft speeds of the end points are in the wrong order.
     ShaftSpeeds,
-    /// Two of its functions have the same channel.
+    /// Two functions have the same channel.
     SameChannel,
     /// The engine turns, or is ordered to.
     EngineTurns,
@@ -96,14 +96,14 @@ impl EngineSettings {
         self.own::<false>(name)
     }
 
-    /// Changes a setting. Check the whole afterwards: [`EngineSettings::check`]. False: there is none of this name, or the number
-    /// is outside of its range.
+    /// Changes a setting. Check all of them afterwards: [`EngineSettings::check`]. False: no setting has this name, or the number
+    /// is out of range.
     pub fn set(&mut self, name: &str, number: i32) -> bool {
         let allowed = Self::ROWS.iter().any(|row| row.name == name && row.allows(number));
         allowed && self.set_own::<false>(name, number)
     }
 
-    /// Checks each setting and what they are together.
+    /// Checks each setting, and that they fit together.
     ///
     /// # Errors
     /// The first thing that is wrong.
@@ -121,7 +121,7 @@ impl EngineSettings {
         }
         match (self.rpm_low, self.rpm_high) {
             (Some(low), Some(high)) if low.get() >= high.get() => return Err(SettingsError::ShaftSpeeds),
-            // With one of them the stick commands a throttle: parameters are set one after the other.
+            // With only one of them, the stick commands a throttle: parameters are set one at a time.
             _ => {}
         }
         let [throttle, switch, hand_over] = self.channels();
@@ -155,8 +155,7 @@ impl OutputSettings {
         self.own::<false>(name)
     }
 
-    /// Changes a setting, from the next start of the node on. False: there is none of this name, or the number is outside of its
-    /// range.
+    /// Changes a setting from the next start of the node on. False: no setting has this name, or the number is out of range.
     pub fn set(&mut self, name: &str, number: i32) -> bool {
         let allowed = Self::ROWS.iter().any(|row| row.name == name && row.allows(number));
         allowed && self.set_own::<false>(name, number)
@@ -165,7 +164,7 @@ impl OutputSettings {
     /// Checks each setting.
     ///
     /// # Errors
-    /// The first one that is outside of its range.
+    /// The first setting that is out of range.
     pub const fn check(&self) -> Result<(), SettingsError> {
         if let Err(row) = self.check_own()
             && (row as usize) < Self::SETTINGS.len()
@@ -202,7 +201,7 @@ mod tests {
         ] {
             assert_eq!(settings.check(), Err(wrong));
         }
-        // One after the other: each is a parameter.
+        // Parameters are set one at a time.
         assert_eq!([rpm(of(35_000), None), rpm(None, of(35_000))].map(|half| half.check()), [Ok(()); 2]);
         let outside = EngineSettings { switch: 19, ..good }.check();
         assert!(

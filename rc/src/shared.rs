@@ -1,4 +1,5 @@
-//! Outputs of all engines as other tasks see them: the task that drives the pins is above thread mode, log and MAVLink are in it.
+//! Outputs of all engines as other tasks see them: the task that drives the pins runs above thread mode, log and MAVLink run in
+//! it.
 
 use crate::outputs::{Change, Outputs, Valve};
 use crate::wiring::OutputConfig;
@@ -44,7 +45,7 @@ impl<const N: usize> Shared<N> {
         Self { states: [const { AtomicU8::new(0) }; N], changes: PubSubChannel::new() }
     }
 
-    /// Publishes the outputs of an engine, by its place, and what changed of those that have a pin.
+    /// Publishes the outputs of an engine, by its place, and the changes of those that have a pin.
     pub fn set(
         &self,
         engine: usize,
@@ -81,7 +82,7 @@ impl<const N: usize> Shared<N> {
         self.look(engine, HAS_POWER, ON)
     }
 
-    /// Whether the valve of each engine is closed because the firmware failed in start after start.
+    /// Whether the valve of each engine is closed because the firmware failed in repeated starts.
     pub fn cut(&self) -> impl Iterator<Item = bool> {
         self.states.iter().map(|state| state.load(Ordering::Relaxed) & CUT != 0)
     }
@@ -91,7 +92,7 @@ impl<const N: usize> Shared<N> {
         (bits & has != 0).then_some(bits & is != 0)
     }
 
-    /// Subscribes to changes from now on. `None`: there are subscribers enough.
+    /// Subscribes to changes from now on. `None`: there are already enough subscribers.
     pub fn changes(&self) -> Option<Changes<'_>> {
         self.changes.subscriber().ok()
     }

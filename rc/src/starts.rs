@@ -1,30 +1,30 @@
-//! A bound on a firmware that fails at each start and holds a fuel valve open meanwhile: no stop reaches such a node.
+//! A bound on the time for which a firmware that fails at each start holds a fuel valve open: no stop reaches such a node.
 //!
-//! After a reset the retained record may say that an engine runs, and its valve is opened before anything else. Where the firmware then
-//! crashes or hangs, again and again, nothing else ever closes it. So the time of starts that failed is summed up in memory that survives a
-//! reset. A start that has lived for [`LIVED`] clears the sum; a valve that is closed stays so. From [`LIMIT`] on the valve is closed, until the engine is at
-//! rest or is started again.
+//! After a reset the retained record may show a running engine, and its valve is opened before anything else. If the firmware then crashes or hangs
+//! again and again, nothing else closes the valve. So the times of failed starts are summed up in memory that survives a reset. A start that has
+//! lived for [`LIVED`] clears the sum; a closed valve stays closed. From [`LIMIT`] on, the valve is closed until the engine is at rest or is started
+//! again.
 //!
-//! It is a time and not a number, because a crash right after the start is over in milliseconds: any number that ends a row of hangs within
-//! half a minute would end a row of crashes within a fraction of a second, and cut an engine that is in order. Resets that are not the
-//! firmware's doing, by the supply or a button, neither count nor clear: a supply that chatters costs no engine.
+//! The limit is a time and not a number of starts, because a crash right after the start takes only milliseconds: any number that ends a
+//! row of hangs within half a minute would end a row of crashes within a fraction of a second, and stop a healthy engine. Resets that the
+//! firmware did not cause, by the supply or a button, neither add to the sum nor clear it: a chattering supply stops no engine.
 
 use embassy_time::Duration;
 
-/// Time of failed starts in a row from which the valve is closed.
+/// Total time of consecutive failed starts from which the valve is closed.
 pub const LIMIT: Duration = Duration::from_secs(10);
-/// Time after which a start has not failed: it has received its ECUs and takes commands, so that a stop reaches it.
+/// Time after which a start has succeeded: the node has received its ECUs and takes commands, so a stop reaches it.
 pub const LIVED: Duration = Duration::from_secs(1);
-/// Time that a crash takes besides, at least: the start up to where the clock runs.
+/// Shortest time that a crash adds: the start-up before the clock runs.
 const START: Duration = Duration::from_millis(5);
-/// Time that a hang takes, at least: the shortest round of the watchdog.
+/// Shortest time of a hang: the shortest period of the watchdog.
 const HANG: Duration = Duration::from_secs(1);
 
-/// How the start before this one ended.
+/// How the previous start ended.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Ended {
-    /// By a panic or a fault, when the clock had this time.
+    /// By a panic or a fault, at this time of the clock.
     Crashed(Duration),
     /// By the watchdog.
     Hung,
@@ -32,7 +32,7 @@ pub enum Ended {
     Otherwise,
 }
 
-/// Time of failed starts in a row, and the engines whose valves are closed for such a row.
+/// Total time of consecutive failed starts, and the engines whose valves they have closed.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct FailedStarts {
@@ -41,11 +41,11 @@ pub struct FailedStarts {
     cut: u8,
 }
 
-/// Bits of the time in the number that is retained: 4.6 h.
+/// Bits of the time in the retained number: up to 4.6 h.
 const TIME: u32 = 0x00FF_FFFF;
 
 impl FailedStarts {
-    /// From the number that was retained; `None`: it was lost.
+    /// From the retained number; `None`: it was lost.
     pub fn retained(number: Option<u32>) -> Self {
         let number = number.unwrap_or(0);
         Self { ms: number & TIME, cut: (number >> 24) as u8 }
@@ -56,8 +56,8 @@ impl FailedStarts {
         self.ms.min(TIME) | u32::from(self.cut) << 24
     }
 
-    /// After a start that has lived: only the valves that are closed stay so over a further reset. `cut`: of each engine, whether its
-    /// valve is closed for failed starts.
+    /// After a start that has lived: only closed valves stay closed over a further reset. `cut`: for each engine, whether its valve
+    /// is closed because of failed starts.
     #[must_use]
     pub fn lived(cut: impl IntoIterator<Item = bool>) -> Self {
         let bits = cut.into_iter().take(8).enumerate();
@@ -68,7 +68,7 @@ impl FailedStarts {
     #[must_use]
     pub fn after(self, ended: Ended) -> Self {
         let took = match ended {
-            // It has lived: nothing of it is a failed start.
+            // It has lived, so it is not a failed start.
             Ended::Crashed(at) if at >= LIVED => return self,
             Ended::Crashed(at) => at + START,
             Ended::Hung => HANG,
@@ -107,9 +107,9 @@ mod tests {
     #[test]
     fn ten_seconds_of_failed_starts_are_too_many_however_they_fail() {
         let crash = |ms| starts(Ended::Crashed(Duration::from_millis(ms)));
-        // Crashes at once: 10 s of them are thousands. Hangs: as many as 10 s have rounds of the watchdog.
+        // Immediate crashes: it takes thousands to fill 10 s. Hangs: as many as 10 s have periods of the watchdog.
         assert_eq!([crash(0), crash(5), crash(95), crash(995)], [2000, 1000, 100, 10].map(Some));
-        // One that lives for long enough to take commands is none, however often.
+        // A start that lives for long enough to take commands never counts, however often it crashes.
         assert_eq!(crash(1050), None);
         assert_eq!(starts(Ended::Hung), Some(10));
     }
@@ -121,12 +121,12 @@ mod tests {
         assert!(!almost.are_too_many() && almost.after(Ended::Hung).are_too_many());
         // A brown-out in between does not count, and does not clear what the firmware did.
         assert!(almost.after(Ended::Otherwise).after(Ended::Hung).are_too_many());
-        // A long life clears it itself, see `lived`.
+        // A long life clears the sum in `lived`.
         assert_eq!(almost.after(Ended::Crashed(LIVED)), almost);
         assert!(FailedStarts::retained(Some(u32::MAX)).after(Ended::Hung).are_too_many());
     }
 
-    /// A long life clears the sum for the engines that run, and keeps the valve closed of the one that was cut.
+    /// A long life clears the sum for the engines that run, and keeps the closed valve of another one closed.
     #[test]
     fn a_long_life_clears_the_sum_of_every_engine_but_the_one_that_was_cut() {
         let failed = (0..10).fold(FailedStarts::default(), |sum, _| sum.after(Ended::Hung));

@@ -4,7 +4,7 @@
 use crate::outputs::{Outputs, Valve};
 use crate::settings::OutputSettings;
 
-/// A pin of the board, and the level that energises what hangs on it.
+/// A pin of the board, and the level that energises what it drives.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct OutputPin {
     /// Number of the board's output, from 0.
@@ -53,7 +53,7 @@ pub struct PinLevel {
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct OutputConfig {
-    /// Fuel valve. Only where the wiring holds the valve while the pin floats: `docs/rc.md` of the repository.
+    /// Fuel valve. Only if the wiring holds the valve while the pin floats: see `docs/rc.md` in the repository.
     pub valve: Option<OutputPin>,
     /// Power of starter and ignition.
     pub power: Option<OutputPin>,
@@ -87,7 +87,7 @@ impl OutputConfig {
 /// Checks the outputs of all engines, at compile time.
 ///
 /// # Panics
-/// With what is wrong. In a `const` that stops the build.
+/// With what is wrong. In a `const` this stops the build.
 pub const fn check_outputs(engines: &[OutputConfig]) {
     let mut engine = 0;
     while engine < engines.len() {
@@ -112,7 +112,7 @@ pub const fn check_outputs(engines: &[OutputConfig]) {
 /// Checks that no output is on one of these pins, at compile time.
 ///
 /// # Panics
-/// If one is, with what the pins are. In a `const` that stops the build.
+/// If one is, with the purpose of the pins. In a `const` this stops the build.
 pub const fn check_free(engines: &[OutputConfig], pins: &[u8], what: &str) {
     let mut n = 0;
     while n < 2 * engines.len() {
@@ -127,7 +127,7 @@ pub const fn check_free(engines: &[OutputConfig], pins: &[u8], what: &str) {
     }
 }
 
-/// A pin, counted over valves and powers of all engines.
+/// The nth pin, counted over valve and power of all engines.
 const fn nth(engines: &[OutputConfig], n: usize) -> Option<OutputPin> {
     let engine = &engines[n / 2];
     if n.is_multiple_of(2) { engine.valve } else { engine.power }
@@ -136,7 +136,7 @@ const fn nth(engines: &[OutputConfig], n: usize) -> Option<OutputPin> {
 /// Checks the outputs of all engines against those of a board, at compile time: for each, whether its bootloader drives it low.
 ///
 /// # Panics
-/// With what is wrong. In a `const` that stops the build.
+/// With what is wrong. In a `const` this stops the build.
 pub const fn check_board(engines: &[OutputConfig], low_before: &[bool]) {
     let mut n = 0;
     while n < 2 * engines.len() {

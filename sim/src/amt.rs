@@ -211,7 +211,7 @@ pub struct Stats {
 }
 
 impl Stats {
-    /// Those that every ECU has. All accepted messages are replies in time.
+    /// The counters that every ECU has. All accepted messages are replies in time.
     pub const fn counts(&self) -> Counts {
         Counts {
             frames: self.frames.total(),
@@ -226,7 +226,7 @@ impl Stats {
         }
     }
 
-    /// What a host that keeps to the protocol never causes, in sentences.
+    /// Faults that a host following the protocol never causes, in sentences.
     pub fn host_faults(&self) -> Vec<&'static str> {
         let found = [
             (self.unsolicited > 0, "it received unsolicited replies"),
@@ -311,7 +311,7 @@ pub struct AmtEcu {
 }
 
 impl AmtEcu {
-    /// An ECU that is powered up at the first time that is passed to it.
+    /// An ECU that powers up at the first time passed to it.
     pub fn new(config: AmtConfig) -> Self {
         Self {
             turbine: {
@@ -343,12 +343,12 @@ impl AmtEcu {
         &mut self.turbine
     }
 
-    /// Sets errors to be shown in addition to the ECU's own, until changed. See [`error`].
+    /// Sets errors to be reported in addition to the ECU's own, until changed. See [`error`].
     pub fn set_errors(&mut self, errors: u8) {
         self.forced_errors = errors;
     }
 
-    /// All errors that are shown now.
+    /// All errors reported now.
     pub fn errors(&self) -> u8 {
         match &self.power {
             Power::On(session) => self.forced_errors | session.own_errors,

@@ -64,7 +64,7 @@ macro_rules! any {
                 }
             }
 
-            /// The same with this reply window, where it has one.
+            /// The same with this reply window, if it has one.
             #[must_use]
             pub fn with_reply_window(self, reply_window: Nanos) -> Self {
                 match self {
@@ -131,7 +131,7 @@ macro_rules! any {
                 }
             }
 
-            /// Numbers of good control frames so far, and of everything else: damaged frames, and bytes outside of frames.
+            /// Number of good control frames so far, and of everything else: damaged frames, and bytes outside of frames.
             pub fn received(&self) -> (u64, u64) {
                 match self {
                     $(Self::$name(ecu) => ecu.received(),)+
@@ -145,21 +145,21 @@ macro_rules! any {
                 }
             }
 
-            /// What a host that keeps to the protocol never causes, in sentences.
+            /// Faults that a host following the protocol never causes, in sentences.
             pub fn host_faults(&self) -> Vec<&'static str> {
                 match self {
                     $(Self::$name(ecu) => ecu.host_faults(),)+
                 }
             }
 
-            /// It reports a low supply from now on, or no more, if the protocol has such a fault.
+            /// Sets whether it reports a low supply, if the protocol has such a fault.
             pub fn report_low_supply(&mut self, low: bool) {
                 match self {
                     $(Self::$name(ecu) => ecu.report_low_supply(low),)+
                 }
             }
 
-            /// Good control frames that its version does not know, where the protocol has versions.
+            /// Good control frames that its version does not know, if the protocol has versions.
             pub fn unknown_to_version(&self) -> u64 {
                 match self {
                     $(Self::$name(ecu) => ecu.unknown_to_version(),)+

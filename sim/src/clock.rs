@@ -190,7 +190,7 @@ pub fn run_for<F: Future>(future: F, limit: Duration) -> Option<F::Output> {
     drive(future, Some((Instant::now() + limit).as_ticks()))
 }
 
-/// Waits until it is so, and looks at it every `look`. False if it is not within `limit`.
+/// Waits until `done` holds, checking it every `look`. False if it does not within `limit`.
 pub async fn until(limit: Duration, look: Duration, done: impl Fn() -> bool) -> bool {
     let end = Instant::now() + limit;
     while !done() {

@@ -1,5 +1,5 @@
 //! Control frames, from the host to an ECU: found among the bytes of a line, and their content in the terms of
-//! any protocol. Whatever watches a line reads it with this: the rig, the judges of random worlds, tests.
+//! any protocol. Everything that watches a line uses this reader: the rig, the judges of random worlds, tests.
 
 use crate::any::Protocol;
 use crate::ecu::Nanos;
@@ -47,7 +47,7 @@ macro_rules! control {
                 }
             }
 
-            /// The switch, where there is one: not in AMT's CTF, nor in ZK ID 6 with SW 0, which leaves the switch as it is.
+            /// The switch, if there is one: not in AMT's CTF, nor in ZK ID 6 with SW 0, which leaves the switch as it is.
             pub fn switch(self) -> Option<Switch> {
                 match self {
                     $(Self::$name(command) => command.switch(),)+
@@ -127,7 +127,7 @@ macro_rules! control {
                 })
             }
 
-            /// Skips nothing: the number of bytes in a frame makes one, and a pause longer than this ends it.
+            /// Skips nothing: each run of bytes with the length of a frame is one, and a pause longer than this ends it.
             pub const fn strict(protocol: Protocol, longest_pause: Nanos) -> Self {
                 Self(match protocol {
                     $(Protocol::$name => AnyReader::$name(frame::Reader::strict(longest_pause)),)+
@@ -181,7 +181,7 @@ pub struct Frame {
     pub end: Nanos,
     /// All bytes reached the ECU as they were sent.
     pub delivered: bool,
-    /// The bytes; behind them zeros, where other protocols have longer frames.
+    /// The bytes, padded with zeros if other protocols have longer frames.
     pub raw: [u8; LONGEST],
     length: usize,
     /// Their command.

@@ -31,7 +31,7 @@ pub struct Counts {
     pub worst_margin: Option<Nanos>,
     /// Stops of a live engine because no commands were received.
     pub loss_stops: u64,
-    /// The shortest and the longest time between two accepted commands, of an ECU whose host sends by itself.
+    /// The shortest and the longest time between two accepted commands, for an ECU whose host sends unprompted.
     pub intervals: Option<(Nanos, Nanos)>,
 }
 

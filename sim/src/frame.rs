@@ -1,5 +1,5 @@
-//! What a protocol's control frames are, and finding them among the bytes of a line. Each protocol implements
-//! [`ControlFrame`] for its command, in its own folder.
+//! A protocol's control frames, and the reader that finds them among the bytes of a line. Each protocol
+//! implements [`ControlFrame`] for its command, in its own folder.
 
 use crate::ecu::Nanos;
 use crate::wire::{Direction, Entry, Fate};
@@ -46,11 +46,11 @@ pub trait ControlFrame: Copy + fmt::Debug + fmt::Display {
     /// They are not a valid frame.
     fn read(bytes: &Self::Bytes) -> Result<Self, Self::Bad>;
 
-    /// Whether such bytes do not begin where a frame begins: before them is the rest of one that a reset has cut short. The
-    /// reader tries again one byte later.
+    /// Whether such bytes do not begin at the start of a frame, because they follow the rest of one that a reset cut short.
+    /// The reader tries again one byte later.
     fn is_misaligned(bad: Self::Bad) -> bool;
 
-    /// The switch, where there is one.
+    /// The switch, if there is one.
     fn switch(self) -> Option<Switch>;
 
     /// The throttle in 0.1 %, with any switch.
@@ -138,7 +138,7 @@ impl<C: ControlFrame> Reader<C> {
         Self { framing: Framing::Heads, bytes: Vec::new(), scale: None }
     }
 
-    /// Skips nothing: the number of bytes in a frame makes one, and a pause longer than this ends it.
+    /// Skips nothing: each run of bytes with the length of a frame is one, and a pause longer than this ends it.
     pub const fn strict(longest_pause: Nanos) -> Self {
         Self { framing: Framing::Pauses(longest_pause), bytes: Vec::new(), scale: None }
     }
@@ -261,7 +261,7 @@ mod tests {
     fn a_frame_may_have_any_length() {
         let bytes = [&[0xAA, 7, 7][..], &[0xAA, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1][..]].concat();
         let record = Entry::delivered(Direction::ToEcu, 0, 1, &bytes);
-        // The first twelve bytes begin with a head, and are a frame of their own.
+        // The first twelve bytes begin with a head, and would be a frame of their own.
         let mut strict = Reader::<Long>::strict(1);
         let found: Vec<_> = strict.read(&record).map(|frame| (frame.start, frame.command)).collect();
         assert_eq!(found, [(0, Ok(Long(0)))]);

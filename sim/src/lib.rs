@@ -11,8 +11,8 @@
 //! - [`wire`]: the two directions between one UART of the node and one ECU, with faults on demand.
 //! - [`turbine`]: a plausible single-spool turbine.
 //! - [`amt`], [`zk`]: the two kinds of ECU; [`any`](mod@any): any of them, and its configuration; [`vendor`]: what each provides.
-//! - [`frame`]: what a protocol's control frames are; [`control`]: finds and reads those of any.
-//! - [`receiver`]: what receivers of radio control send.
+//! - [`frame`]: a protocol's control frames; [`control`]: finds and reads those of any protocol.
+//! - [`receiver`]: frames of radio control receivers.
 //! - [`log`]: the commands that an ECU has obeyed, with their times.
 
 #![deny(missing_docs, missing_debug_implementations, unsafe_code)]

@@ -1,4 +1,4 @@
-//! The protocols: a line for each. Whatever has something for every protocol is made from this table: this package, the program
+//! The protocols: a line for each. Everything that exists for each protocol is made from this table: this package, the program
 //! `jetlink`, and the judges of random worlds.
 
 /// Calls a macro with each protocol: its variant, its module, the configuration of its simulated ECU, the ECU, and the command in its

@@ -1,10 +1,10 @@
-//! What receivers of radio control send, written from the public descriptions of SBUS and CRSF and not from the decoders.
+//! Frames of radio control receivers, written from the public descriptions of SBUS and CRSF, not from the decoders.
 
 use crate::line::Line;
 
 /// Channels of a frame.
 pub const CHANNELS: usize = 16;
-/// Channels of throttle and switch, from 1, where nothing else is said.
+/// Default channels of throttle and switch, from 1.
 const USUAL: [u8; 2] = [3, 5];
 /// Flags of an SBUS receiver without its transmitter: frame lost, and fail-safe.
 const LOST: u8 = 0x0C;
@@ -27,8 +27,8 @@ impl Protocol {
         }
     }
 
-    /// What a receiver sends, with its transmitter on or off: an SBUS receiver without one flags its frames, a CRSF receiver
-    /// sends none.
+    /// The frame of a receiver with its transmitter on or off: an SBUS receiver without one flags its frames, a CRSF
+    /// receiver sends none.
     pub fn frame(self, channels: [u16; CHANNELS], on: bool) -> Option<Vec<u8>> {
         match (self, on) {
             (Self::Sbus, on) => Some(sbus(channels, if on { 0 } else { LOST })),

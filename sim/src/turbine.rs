@@ -222,7 +222,7 @@ impl Turbine {
         self.starts_hot = hot;
     }
 
-    /// Begins a start now, at any temperature and speed, like an ECU that relights by itself.
+    /// Begins a start now, at any temperature and speed, like an ECU that relights automatically.
     pub fn relight(&mut self) {
         self.trip = None;
         self.enter(Phase::Ignition);
@@ -458,7 +458,7 @@ impl Turbine {
         let in_phase_s = f64::from(self.phase_steps) * DT;
         let span = p.max_rpm - p.idle_rpm;
 
-        // How far it accelerates beyond the steady state, as a part of the nominal rate.
+        // Acceleration beyond the steady state, as a fraction of the nominal rate.
         let mut excess = 0.0;
         let rate = if self.lit && matches!(self.phase, Phase::LearningIdle | Phase::Running) {
             let target = match (self.phase, self.demand) {

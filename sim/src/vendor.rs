@@ -1,4 +1,4 @@
-//! What a protocol provides to be one of [`any`](crate::any). Each implements it in its own folder.
+//! What a protocol provides for [`any`](crate::any). Each implements it in its own folder.
 
 use crate::ecu::{Counts, Ecu, Nanos};
 use crate::line::Line;
@@ -25,7 +25,7 @@ pub trait VendorConfig: Clone + fmt::Debug + fmt::Display {
     #[must_use]
     fn with_log(self, log: usize) -> Self;
 
-    /// The same with this reply window, where it has one.
+    /// The same with this reply window, if it has one.
     #[must_use]
     fn with_reply_window(self, _reply_window: Nanos) -> Self {
         self
@@ -41,7 +41,7 @@ pub trait VendorConfig: Clone + fmt::Debug + fmt::Display {
     fn ecu(self) -> Self::Ecu;
 }
 
-/// An ECU beside its line.
+/// An ECU, apart from its line.
 pub trait VendorEcu: Ecu + Any + fmt::Debug {
     /// The turbine.
     fn turbine(&self) -> &Turbine;
@@ -49,19 +49,19 @@ pub trait VendorEcu: Ecu + Any + fmt::Debug {
     /// The turbine, to make it fail.
     fn turbine_mut(&mut self) -> &mut Turbine;
 
-    /// Numbers of good control frames so far, and of everything else: damaged frames, and bytes outside of frames.
+    /// Number of good control frames so far, and of everything else: damaged frames, and bytes outside of frames.
     fn received(&self) -> (u64, u64);
 
     /// Its counters since its creation.
     fn counts(&self) -> Counts;
 
-    /// What a host that keeps to the protocol never causes, in sentences.
+    /// Faults that a host following the protocol never causes, in sentences.
     fn host_faults(&self) -> Vec<&'static str>;
 
-    /// It reports a low supply from now on, or no more, if the protocol has such a fault.
+    /// Sets whether it reports a low supply, if the protocol has such a fault.
     fn report_low_supply(&mut self, _low: bool) {}
 
-    /// Good control frames that its version does not know, where the protocol has versions.
+    /// Good control frames that its version does not know, if the protocol has versions.
     fn unknown_to_version(&self) -> u64 {
         0
     }

@@ -311,7 +311,7 @@ impl<E: Ecu> Plug<E> {
         })
     }
 
-    /// Hangs the transmitter: while `true`, no flush of the node ever returns, nor a write that finds the ring full.
+    /// Hangs the transmitter: while `true`, no flush of the node ever returns, nor does a write that finds the ring full.
     ///
     /// The byte in the shifter is still sent. Bytes written meanwhile wait in the ring, as in a driver with a buffer.
     pub fn stall_tx(&self, stalled: bool) {

@@ -50,7 +50,7 @@ use self::status::Values;
 pub use self::status::{LAST_ID, error, since_version, state};
 pub use self::temper::ZkTemper;
 
-/// What survives a loss of power.
+/// Settings that survive a loss of power.
 #[derive(Clone, Copy, Debug)]
 struct Settings {
     rate: Rate,
@@ -85,7 +85,7 @@ pub struct ZkEcu {
 }
 
 impl ZkEcu {
-    /// An ECU that is powered up at the first time that is passed to it.
+    /// An ECU that powers up at the first time passed to it.
     pub fn new(config: ZkConfig) -> Self {
         Self {
             settings: Settings {
@@ -182,12 +182,12 @@ impl ZkEcu {
         self.session().map_or(0.0, |session| self.throttle_of(session))
     }
 
-    /// The error that is reported now; see [`error`].
+    /// The error reported now; see [`error`].
     pub fn error(&self) -> u8 {
         self.forced_error.unwrap_or_else(|| self.session().map_or(0, |session| session.error))
     }
 
-    /// The engine state that is reported now; see [`state`].
+    /// The engine state reported now; see [`state`].
     pub fn state(&self) -> u8 {
         if let Some(state) = self.forced_state {
             return state;
@@ -232,7 +232,7 @@ impl ZkEcu {
         }
     }
 
-    /// The switch that is reported now.
+    /// The switch reported now.
     fn switch_status(&self, session: &Session) -> u8 {
         if let Some(last) = session.stale() {
             return last.switch;

@@ -150,7 +150,7 @@ fn record(folder: &Path) -> Result<(), String> {
 }
 
 fn compare(folder: &Path) -> Result<(), String> {
-    // Before anything takes a minute.
+    // Check this before anything takes a minute.
     let mut before = Vec::new();
     for run in &RUNS {
         let path = folder.join(run.file());

@@ -9,9 +9,9 @@ use sim::amt::AmtEcu;
 use sim::ecu::{MILLIS, SECOND};
 use std::sync::mpsc;
 
-/// What lets the bootloader start the application at once after a reset.
+/// Word that lets the bootloader start the application at once after a reset.
 const START_AT_ONCE: u32 = bootloader::BOOT_FAST;
-/// What starts the watchdog.
+/// Register that starts the watchdog.
 const START: u64 = 0xCCCC;
 
 #[test]
@@ -58,11 +58,11 @@ fn the_image_runs_behind_a_bootloader_as_without_one() {
         }
         assert!(report.logged("last reset: watchdog"), "{}", report.log_text());
 
-        // And otherwise it is the same: the same first bytes at the same time, but for the settings, which are not read here. An H743
-        // without a bootloader reads them for some 13 ms before it opens its ports.
+        // Otherwise it is the same: the same first bytes at the same time, except that settings are not read here. An H743 without a
+        // bootloader reads them for some 13 ms before it opens its ports.
         let plain = Run::new(board, Image::Release).engines().until(2 * SECOND).go();
         for engine in engines(&report) {
-            // By frame, each once and in order: how often one is repeated depends on when the port opened.
+            // By frame, each once and in order: the number of repeats depends on when the port opened.
             let frames = |report: &emulation::Report| -> Vec<Vec<u8>> {
                 let sent = report.wire(engine.port).tx.iter().filter(|tx| tx.end < 1900 * MILLIS);
                 let bytes: Vec<u8> = sent.map(|tx| tx.byte).collect();
@@ -108,8 +108,8 @@ fn each_state_that_a_bootloader_leaves_is_corrected() {
     });
 }
 
-/// What the core's own registers hold, `words` of them, some time after a start behind a bootloader that leaves this. A test
-/// cannot look at them, so a few instructions in RAM copy them; the first two put their address, `from`, into r0.
+/// Contents of `words` core registers some time after a start behind a bootloader that leaves this state. A test cannot read
+/// them, so a few instructions in RAM copy them; the first two put their address, `from`, into r0.
 fn core_registers(board: &'static Board, leftover: Leftover, from: [u32; 2], words: u8) -> Vec<u32> {
     let (sender, receiver) = mpsc::channel();
     let bootloader = Bootloader { leaves: vec![leftover], ..Bootloader::default() };
@@ -163,7 +163,7 @@ fn floating_point_unit_is_on_and_saved_whatever_a_bootloader_leaves() {
 }
 
 /// HSEON of an H743 cannot be cleared while PLL1 is on and takes its clock from the crystal (RM0433, 8.7.2). The emulator
-/// allows it once the core is on another clock, so the order of writes is looked at: the PLL goes off first.
+/// allows it once the core is on another clock, so the test checks the order of writes: the PLL is turned off first.
 #[test]
 fn an_h743_stops_the_pll_before_the_crystal() {
     let bootloader = Bootloader { leaves: vec![Leftover::Pll], ..Bootloader::default() };
@@ -188,9 +188,9 @@ fn a_data_cache_that_a_bootloader_leaves_is_off() {
     });
 }
 
-/// The emulator has no cache contents and shows no write to a register of the core, so the order of instructions is looked at. A
-/// data cache is off before its lines are cleaned and invalidated, each set and way once: with the cache on, a line could
-/// come back. An instruction cache is off before it is emptied. And all that is over before the RAM is initialised.
+/// The emulator has no cache contents and shows no writes to core registers, so the test checks the order of instructions. A
+/// data cache is off before its lines are cleaned and invalidated, each set and way once: with the cache on, a line could come
+/// back. An instruction cache is off before it is emptied. All of this ends before the RAM is initialised.
 #[test]
 fn caches_that_a_bootloader_leaves_are_off_before_they_are_emptied() {
     const LABELS: [&str; 5] = [
@@ -219,7 +219,7 @@ fn caches_that_a_bootloader_leaves_are_off_before_they_are_emptied() {
         found.first_chunk::<3>(),
         found.last_chunk::<4>()
     );
-    // Where both are off, nothing is done to them.
+    // If both are off, nothing is done to them.
     assert_eq!(passed(Vec::new()), [end]);
 }
 
@@ -260,7 +260,7 @@ fn a_plain_image_that_a_loader_starts_sets_its_own_vectors() {
     });
 }
 
-/// When the firmware logged its first line.
+/// Time of the firmware's first log line.
 fn boots(report: &Report) -> Vec<u64> {
     report.lines("last reset: ").map(|log| log.at).collect()
 }
@@ -286,7 +286,7 @@ fn the_bootloader_waits_only_at_the_first_start() {
             .go();
         let boots = boots(&report);
         println!("{}: boots at {boots:?}, resets {:?}", board.name, report.resets);
-        // A start without the word is the one that waits: the check can fail.
+        // The control: a start without the word waits.
         assert!((wait..wait + 100 * MILLIS).contains(&boots[0]), "{boots:?}");
         for (boot, (reset, _)) in boots[1..].iter().zip(&report.resets) {
             assert!(boot - reset < 10 * MILLIS, "{boots:?} {:?}", report.resets);

@@ -82,7 +82,7 @@ fn the_clock_is_right() {
     });
 }
 
-/// The LED lights when it should, and the firmware drives the pins that it has to drive.
+/// The LED lights as specified, and the firmware drives the required pins.
 #[test]
 fn led_and_held_pins_are_driven() {
     on_all_boards(|board| {
@@ -198,7 +198,8 @@ fn tx_is_pulled_up_first_of_all() {
 }
 
 /// ES0392, "Reading from AXI SRAM may lead to data read corruption", on revision Y: READ_ISS_OVERRIDE of AXI_TARG7_FN_MOD. The
-/// emulated part is of revision V and reads rightly without it, so the write is looked at: it comes before the RAM is initialised.
+/// emulated part is of revision V and reads correctly without it, so the test checks that the write comes before the RAM is
+/// initialised.
 #[test]
 fn an_h743_reads_its_ram_one_at_a_time_from_the_first_instructions_on() {
     const AXI_TARG7_FN_MOD: u64 = 0x5100_8108;

@@ -68,7 +68,7 @@ fn a_dead_crystal_is_given_a_tenth_of_a_second() {
     });
 }
 
-/// From here on the crystal is dead, and an NMI reports it when this task runs next.
+/// From here on the crystal has failed, and an NMI reports it when this task runs next.
 pub fn stop_crystal(bench: &mut Bench<'_>, board: &Board, image: Image, task: Task) {
     bench.break_crystal();
     raise_alarm(bench, board, image, task);
@@ -99,7 +99,7 @@ fn a_crystal_that_stops_resets_a_plain_image() {
     });
 }
 
-/// One that runs again after the reset is not trusted until the power goes off and on: it would reset the node over and over.
+/// A crystal that runs again after the reset is not used until the power has been off: it might reset the node repeatedly.
 #[test]
 fn a_crystal_that_comes_and_goes_is_left_alone_until_the_next_power_on() {
     on_each_board(|board| {
@@ -115,7 +115,7 @@ fn a_crystal_that_comes_and_goes_is_left_alone_until_the_next_power_on() {
     });
 }
 
-/// Behind an ArduPilot bootloader a reset would end in the bootloader, which waits for the crystal without an end.
+/// Behind an ArduPilot bootloader a reset would end in the bootloader, which waits for the crystal forever.
 #[test]
 fn a_crystal_that_stops_resets_no_image_behind_a_bootloader() {
     on_each_board(|board| {
@@ -123,7 +123,7 @@ fn a_crystal_that_stops_resets_no_image_behind_a_bootloader() {
             let stop = move |bench: &mut Bench<'_>| stop_crystal(bench, board, Image::Ardupilot, task);
             let run = Run::new(board, Image::Ardupilot).engines().at(1500 * MILLIS, stop).with_errors();
             let (report, complaints) = run.until(4 * SECOND).go_unchecked();
-            // The firmware started twice without a reset, and the bytes that were under way at that moment took longer.
+            // The firmware started twice without a reset, and the bytes being sent at that moment took longer.
             let expected =
                 |complaint: &String| complaint.ends_with("2 times") || complaint.contains(" at 15");
             assert!(complaints.iter().all(expected), "{task:?} {complaints:?} {}", report.log_text());
@@ -159,7 +159,7 @@ fn a_crash_without_a_crystal_resets_no_image_behind_a_bootloader() {
             .0;
         assert!(report.resets.is_empty(), "{:?}\n{}", report.resets, report.log_text());
         assert_eq!(report.lines("has no handler, resetting").count(), 1, "{}", report.log_text());
-        // What was retained is as good as after a reset: an engine that runs continues with its order.
+        // The retained state is as good as after a reset: a running engine continues with its order.
         let causes: Vec<_> =
             report.lines("last reset: ").map(|log| log.text.rsplit_once(": ").expect("a cause").1).collect();
         assert_eq!(causes, ["power-on", "restart", "restart"], "{}", report.log_text());
@@ -170,8 +170,8 @@ fn a_crash_without_a_crystal_resets_no_image_behind_a_bootloader() {
     });
 }
 
-/// The worst moment: a fault is being handled when the crystal stops, so the NMI comes on top of the HardFault. Nothing but a
-/// return from an exception ends one, and the start goes through all of them.
+/// The worst moment: a fault is being handled when the crystal stops, so the NMI comes on top of the HardFault. Only a return
+/// ends an exception, and the start returns from all of them.
 #[test]
 fn crystal_that_stops_while_a_fault_is_handled_resets_no_image_behind_a_bootloader() {
     on_each_board(|board| {
@@ -223,7 +223,7 @@ fn a_missing_crystal_is_logged_every_second() {
     });
 }
 
-/// The emulator's clock security system raises nothing, so the test checks its bit (19 of RCC_CR on both chips): set once the
+/// The emulator's clock security system raises no NMI, so the test checks its bit (19 of RCC_CR on both chips): set once the
 /// crystal clocks the core, and never without a crystal.
 #[test]
 fn the_clock_security_system_watches_a_crystal_that_runs() {

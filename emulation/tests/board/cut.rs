@@ -1,4 +1,4 @@
-//! A wire is cut, and comes back.
+//! A wire is cut and mended.
 
 use crate::support::{on_each_board, others_are_well};
 use emulation::{Image, Run};
@@ -32,7 +32,7 @@ fn a_cut_wire_is_reported_and_so_is_its_return() {
             assert!((6 * SECOND..6500 * MILLIS).contains(&again), "{engine}: up again at {again}");
         }
         let stats = report.ecu::<AmtEcu>(AMT).stats;
-        // 24 frames fell into the cut, plus or minus the frame or reply at either end of it.
+        // The cut lost 24 frames, plus or minus the frame or reply at either end.
         assert!((23..=26).contains(&stats.none) && stats.late == 0 && stats.unsolicited == 0, "{stats:?}");
         let zk = report.ecu::<ZkEcu>(ZK).stats;
         let silence = zk.intervals.max.expect("commands");

@@ -1,11 +1,11 @@
-//! The size of a fault of Embassy's UART driver on the F427 that this firmware cannot mend (docs/boards-upstream.md).
+//! Extent of a fault in Embassy's UART driver on the F427 that this firmware cannot fix (docs/boards-upstream.md).
 
 use emulation::{Fate, Image, PIXRACER, Run};
 use sim::ecu::{MILLIS, Nanos, SECOND};
 
 const PORT: &str = "SERIAL5";
 
-/// The number of bytes that the UART received and nobody read, where a single byte ends at `end`.
+/// Number of received bytes that were not read, when a single byte ends at `end`.
 fn unread(end: Nanos, byte: Nanos) -> usize {
     let start = end - byte;
     let report = Run::new(&PIXRACER, Image::Release)
@@ -25,8 +25,8 @@ fn unread(end: Nanos, byte: Nanos) -> usize {
     2 - read.max(1)
 }
 
-/// When the last bit of a transmission is out, the driver clears one flag by writing all of them back. A byte that arrives
-/// between its read and its write is lost.
+/// When the last bit of a transmission is sent, the driver clears one flag by writing all of them back. A byte that
+/// arrives between its read and its write is lost.
 #[test]
 fn a_byte_that_ends_while_the_driver_clears_a_flag_is_lost() {
     let status = PIXRACER.port(PORT).registers();

@@ -1,5 +1,5 @@
 //! Waits of the start that never end: for a PLL, for the regulator, for an oscillator. The watchdog ends them, so it has to
-//! run before the first of them; and where its own oscillator is what is waited for, the image must not wait.
+//! run before the first one; and the image must not wait for the watchdog's own oscillator.
 
 use crate::support::{on_each_board, symbol};
 use emulation::board::Part;
@@ -10,7 +10,7 @@ use std::sync::mpsc;
 /// 4096 counts of 16 periods of the LSI.
 const WATCHDOG: u64 = 2048 * MILLIS;
 
-/// RCC_CR and RCC_CFGR, PWR_CR and PWR_CR3 or PWR_D3CR: what makes the clocks and the voltage, and can be waited for.
+/// RCC_CR and RCC_CFGR, PWR_CR and PWR_CR3 or PWR_D3CR: the registers of clocks and voltage that a start may wait for.
 fn clocks(part: Part) -> [u64; 4] {
     match part {
         Part::H743 => [0x5802_4400, 0x5802_4410, 0x5802_480C, 0x5802_4818],
@@ -79,8 +79,8 @@ fn wait_that_never_ends_ends_in_a_reset_by_the_watchdog() {
     });
 }
 
-/// The watchdog runs on the LSI: a wait for an LSI that is dead would never end. The emulator's LSI cannot be dead while the
-/// watchdog runs, so the request for it is looked at: bit 0 of RCC_CSR, which Embassy waits for right after.
+/// The watchdog runs on the LSI: a wait for an LSI that is dead would never end. The emulator's LSI cannot fail while the
+/// watchdog runs, so the test checks the request for it: bit 0 of RCC_CSR, for which Embassy would then wait.
 #[test]
 fn plain_image_does_not_request_the_lsi() {
     on_each_board(|board| {
@@ -110,8 +110,8 @@ fn watchdog_gets_its_time_however_long_its_registers_take() {
             Part::F427 => 16_000_000,
         };
         let leaves = vec![Leftover::WatchdogCrossing];
-        // The core stays at that clock here, also when the part would have its PLL: too slow for the engines, so only the watchdog
-        // is looked at.
+        // The core stays at that clock here, also when the part would have its PLL: too slow for the engines, so the test checks
+        // only the watchdog.
         let (report, _) = Run::new(board, Image::Release)
             .engines()
             .instructions_per_second(internal)

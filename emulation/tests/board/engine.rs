@@ -13,7 +13,7 @@ use sim::zk::{Sw, ZkCommand, ZkEcu};
 /// What an ECU was ordered to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Sent {
-    /// ZK only: nothing, but the node is there.
+    /// ZK only: nothing, but the node is present.
     Nothing,
     Standby,
     /// With this demand in 0.1 %.
@@ -91,7 +91,7 @@ fn scramble(bench: &mut Bench<'_>, board: &Board) {
 /// A reset that the run expects.
 struct Reset {
     at: Nanos,
-    /// How the firmware has to report it.
+    /// The firmware's expected report.
     cause: &'static str,
 }
 
@@ -140,8 +140,8 @@ fn running_engines_resume_after_any_reset() {
                     (first - reset) as f64 / 1e6,
                     (order - reset) as f64 / 1e6
                 );
-                // The time for which an AMT ECU waits for replies is not printed anywhere; 2 s here. A ZK ECU has to report
-                // running twice: each of its nine status IDs comes round in 9 frames.
+                // No document states how long an AMT ECU waits for replies; 2 s here. A ZK ECU has to report running twice:
+                // each of its nine status IDs comes round in 9 frames.
                 let rounds = match engine.protocol {
                     Protocol::Amt(_) => 500 * MILLIS,
                     Protocol::Zk { .. } => 1100 * MILLIS,

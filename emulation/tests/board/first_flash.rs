@@ -1,5 +1,5 @@
-//! The expectations of docs/first-flash.md, measured: what a person should find with a logic analyser and the log. Each
-//! value on the page is compared with what the emulated board does.
+//! The expectations of docs/first-flash.md, measured: what a person should see with a logic analyser and in the log.
+//! Each value on the page is compared with what the emulated board does.
 
 mod page;
 
@@ -17,7 +17,7 @@ use std::sync::Mutex;
 /// Measured values, each with its place on the page.
 type Measured = BTreeMap<Place, String>;
 
-/// A time with three digits. What rounds to 1000 of a unit is 1 of the next.
+/// A time with three digits. A value that rounds to 1000 of a unit is 1 of the next.
 fn time(ns: Nanos) -> String {
     let (value, unit) = match ns {
         0..1_000 => (ns as f64, "ns"),
@@ -83,7 +83,7 @@ const AMT_SET: [u8; 6] = [0xFF, 0x02, 0x00, 0x0E, 0x00, 0x00];
 const PORTS: [(&str, u32); 4] =
     [("SERIAL2", 2400), ("SERIAL3", 2400), ("SERIAL4", 9600), ("SERIAL5", 115_200)];
 
-/// The image with a serial adapter on the first port, that sends from then on, and nobody on the others.
+/// The image with a serial adapter on the first port, that sends from then on, and nothing on the others.
 fn with_adapter(board: &'static Board, image: Image, from: Nanos) -> Run {
     PORTS.into_iter().fold(Run::new(board, image), |run, (port, baud)| {
         let next = if port == "SERIAL2" { from } else { Nanos::MAX };
@@ -118,7 +118,7 @@ fn logged(report: &Report, text: &str) -> String {
     quoted(&line.text[line.text.find(text).expect("it has the text")..])
 }
 
-/// Puts down a value: the page's section, words of its row, what was found.
+/// Records a value: the page's section, words of its row, the measurement.
 type Note<'a> = dyn FnMut(u8, &'static str, String) + 'a;
 
 /// Section 2: the block of the self-test, line by line.
@@ -282,7 +282,7 @@ fn crystal(board: &'static Board, note: &mut Note<'_>) {
     note(7, "ground it while it runs", format!("{line}, {}", starts(&report)[1].1));
 }
 
-/// Section 8: an F427's supply that falls. The H743 has nothing that looks at it.
+/// Section 8: a falling supply of an F427. The H743 does not monitor it.
 fn supply(board: &'static Board, note: &mut Note<'_>) {
     if board.part == Part::F427 {
         let report = with_adapter(board, Image::Release, SECOND)
@@ -299,7 +299,7 @@ fn supply(board: &'static Board, note: &mut Note<'_>) {
     }
 }
 
-/// Section 9: behind a bootloader that decides as the real one does, and jumps.
+/// Section 9: behind a bootloader that decides and jumps like the real one.
 fn behind_a_bootloader(board: &'static Board, note: &mut Note<'_>) {
     let wait = bootloader::WAIT_MS * MILLIS;
     let decides = || Bootloader { jump: Jump::New, leaves: Vec::new(), decides: true };

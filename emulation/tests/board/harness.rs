@@ -1,4 +1,4 @@
-//! The checks of every run find the faults that they are for.
+//! The checks of every run find the faults that they are meant to find.
 
 use crate::support::{on_each_board, symbol};
 use emulation::{Board, Image, Run};

@@ -23,7 +23,7 @@ fn armed_running_source_lost_stop_latched_and_fault_are_shown() {
             .until(81 * SECOND)
             .go();
         let (lit, dark) = (led.lit(&report), led.dark(&report));
-        // The image has the buzzer on the last output, where one is left (src/config.rs).
+        // The image has the buzzer on the last output, if one is free (src/config.rs).
         let buzzer = (board.outputs.len() > 8).then(|| Pin::output(&report, board.outputs.len() - 1));
         // The flashes of the second from then on, in ms.
         let flashes = |second: Nanos| {

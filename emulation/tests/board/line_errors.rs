@@ -29,8 +29,7 @@ fn noise_and_framing_errors_are_counted_and_survived() {
         let (framing, noise, overruns) = line_errors_of(&report, "booster");
         assert!((30..110).contains(&noise) && framing == 0 && overruns == 0, "{framing} {noise} {overruns}");
 
-        // Nothing that the ECU takes for a command was sent on account of a damaged frame, and from the end of
-        // the noise on, nothing is missed.
+        // No damaged frame caused a command to the ECU, and from the end of the noise on, nothing is missed.
         let stats = report.ecu::<AmtEcu>(AMT).stats;
         assert_eq!((stats.bad.total(), stats.late), (0, 0), "{stats:?}");
         let commands = &report.ecu::<AmtEcu>(AMT).commands;

@@ -1,7 +1,7 @@
 //! MAVLink on the telemetry port: an autopilot and a ground station at the other end of the wire list parameters, set some, start
 //! an engine, give it throttle and stop it.
 //!
-//! Their frames are built and read here, from the description of MAVLink, and not with the code of the firmware.
+//! Their frames are built and read here, from the description of MAVLink, not with the firmware's code.
 
 use crate::support::{amt_engines, on_all_boards, on_boards, on_each_board, others_are_well};
 use emulation::receiver::{Position, Protocol, Receiver};
@@ -34,7 +34,7 @@ const COMMAND_ACK: Kind = (77, 143, 3);
 const EFI_STATUS: Kind = (225, 208, 65);
 const NAMED_VALUE_FLOAT: Kind = (251, 170, 18);
 const STATUSTEXT: Kind = (253, 83, 51);
-/// What the node may send.
+/// Messages that the node may send.
 const KINDS: [Kind; 7] =
     [HEARTBEAT, PARAM_VALUE, COMMAND_LONG, COMMAND_ACK, EFI_STATUS, NAMED_VALUE_FLOAT, STATUSTEXT];
 
@@ -53,7 +53,7 @@ fn checksum(bytes: &[u8], seed: u8) -> u16 {
     })
 }
 
-/// A frame of MAVLink 2, without the truncation of zeros that the node uses.
+/// A frame of MAVLink 2, without the truncation of zeros that the node applies.
 fn frame(from: (u8, u8), (number, seed, length): Kind, payload: &[u8]) -> Vec<u8> {
     assert_eq!(payload.len(), length, "message {number}");
     let number = number.to_le_bytes();
@@ -102,7 +102,7 @@ fn list(component: u8) -> Vec<u8> {
     frame(GROUND, PARAM_REQUEST_LIST, &[VEHICLE, component])
 }
 
-/// A frame of the node. Its payload is padded with the zeros that were cut off.
+/// A frame of the node. Its payload is padded with the truncated zeros.
 #[derive(Clone, Debug)]
 struct Frame {
     at: Nanos,
@@ -132,12 +132,12 @@ impl Frame {
 #[derive(Debug, Default)]
 pub struct Client {
     next: Nanos,
-    /// What the ground station sends, and when.
+    /// Frames of the ground station, and their times.
     script: Vec<(Nanos, Vec<u8>)>,
     armed_from: Option<Nanos>,
     /// Pulse widths from these times on; before, idle.
     throttle: Vec<(Nanos, u16)>,
-    /// Only the script is sent then.
+    /// Time in which only the script is sent.
     quiet: Option<(Nanos, Nanos)>,
     /// Parameters and garbage, as much as the line carries.
     flood: bool,
@@ -316,7 +316,7 @@ fn a_ground_station_sets_up_and_flies_an_engine_over_the_telemetry_port() {
             // Generic, no autopilot, not armed.
             assert!(beats.iter().all(|beat| beat.payload[4..7] == [0, 8, 1]), "{beats:?}");
         }
-        // All parameters, each once. Before, a board that stores settings has sent the id that it learnt.
+        // All parameters, each once. Before that, a board that stores settings has sent its learnt id.
         for component in NODE..=NODE + 4 {
             let values = client.of(component, PARAM_VALUE);
             let listed: Vec<_> = values.filter(|value| (s(8.0)..s(23.9)).contains(&value.at)).collect();
@@ -391,7 +391,7 @@ fn a_setting_stays_over_a_restart_by_command() {
                 // It learns its vehicle again.
                 (23 * SECOND, list(0)),
             ],
-            // A byte that a reset cuts has no time of its own.
+            // The time of a byte cut off by a reset is undefined.
             quiet: Some((14 * SECOND, 15 * SECOND)),
             ..Client::default()
         };
@@ -411,7 +411,7 @@ fn a_setting_stays_over_a_restart_by_command() {
     });
 }
 
-/// "Left" and "booster" change places: "left" is a ZK engine on the fourth port from the next start on.
+/// "Left" and "booster" swap ports: "left" is a ZK engine on the fourth port from the next start on.
 pub const CHANGED: [(&str, f32); 9] = [
     ("E1_PORT", 3.0),
     ("E4_PORT", 0.0),
@@ -427,13 +427,13 @@ pub const CHANGED: [(&str, f32); 9] = [
 /// Time of the restart after which it applies.
 pub const REWIRED: Nanos = 14 * SECOND;
 
-/// A ground station that sets these parameters of the node and has it restart.
+/// A ground station that sets these parameters of the node and restarts it.
 pub fn rewires(settings: &[(&str, f32)]) -> Client {
     let times = (0..).map(|n| 8 * SECOND + n * 200 * MILLIS);
     let mut script: Vec<_> =
         times.zip(settings).map(|(at, (name, value))| (at, set(NODE, name, *value))).collect();
     script.push((REWIRED, command(NODE, 246, 1.0)));
-    // A byte that a reset cuts has no time of its own.
+    // The time of a byte cut off by a reset is undefined.
     Client { script, quiet: Some((REWIRED, REWIRED + SECOND)), ..Client::default() }
 }
 
@@ -465,7 +465,7 @@ fn engines_that_change_ports_and_protocols_are_wired_so_after_a_restart_by_comma
                 "{used:?}; {texts}"
             );
         }
-        // "Left" was started: it is the turbine of the ZK ECU that runs, and no other.
+        // "Left" was started: only the turbine of the ZK ECU runs.
         assert_eq!(client.answers(LEFT, 30 * SECOND), [(START, ACCEPTED)], "{texts}");
         assert_eq!(report.ecu::<ZkEcu>(fourth).turbine().phase(), Phase::Running, "{texts}");
         let amt = report.ecu::<AmtEcu>(first);
@@ -499,7 +499,8 @@ fn stored_wiring_that_contradicts_itself_leaves_that_of_the_image_and_engines_st
 }
 
 /// Channel, end points and reverse of the throttle of "left", set over the telemetry port, are stored and count after a reset: the
-/// engine follows the stick where it is now. "Booster" has its own settings, the defaults, and a stick that stays at full throttle.
+/// engine follows the stick where it is now. "Booster" has its own settings, the defaults, with a stick that stays at full
+/// throttle.
 #[test]
 fn settings_of_radio_control_are_set_stored_and_used() {
     on_each_board(|board| {
@@ -545,7 +546,8 @@ fn settings_of_radio_control_are_set_stored_and_used() {
         };
         let idle = runs(0, RESET + 11 * SECOND);
         assert!(!idle.is_empty() && idle.iter().all(|throttle| *throttle == 0), "{idle:?}; {texts}");
-        // A quarter of the way from the end of the longer pulse: 25 %. Not reversed it were 75 %, between the old end points 31 %.
+        // A quarter of the way from the end of the longer pulse: 25 %. Without the reversal it would be 75 %, with the old end
+        // points 31 %.
         assert_eq!(runs(RESET + 11 * SECOND, report.at).last(), Some(&50), "{texts}");
         let booster = report.ecu::<ZkEcu>("SERIAL5").turbine().phase();
         assert_eq!(booster, Phase::Stopped, "its stop is not released with the stick up; {texts}");
@@ -563,7 +565,7 @@ fn every_board_answers_on_its_telemetry_port() {
     });
 }
 
-/// An H743's bootloader erases the whole application where it finds a word that a power cut has torn.
+/// An H743's bootloader erases the whole application if it finds a word torn by a power cut.
 #[test]
 fn behind_an_ardupilot_bootloader_a_setting_is_stored_in_an_fram_only() {
     on_each_board(|board| {
@@ -582,7 +584,7 @@ fn behind_an_ardupilot_bootloader_a_setting_is_stored_in_an_fram_only() {
 
 /// A run of a board with this F-RAM, and what the ground station sends.
 fn with_fram(board: &'static Board, fram: Option<Fram>, script: Vec<(Nanos, Vec<u8>)>) -> Run {
-    // A byte that a reset cuts has no time of its own.
+    // The time of a byte cut off by a reset is undefined.
     let quiet = Some((9 * SECOND, 11 * SECOND));
     let client = Client { script, quiet, ..Client::default() };
     Run::new(board, Image::Release).quick_engines().fram(fram).ecu(board.telemetry.name, LINE, client)
@@ -624,14 +626,14 @@ fn a_setting_in_an_fram_stays_over_a_reset_and_without_a_supply() {
     );
 }
 
-/// Of a board that comes from ArduPilot. Nobody stores a setting, so each start reads it.
+/// The F-RAM of a board that ran ArduPilot. No setting is stored, so each start reads it.
 #[test]
 fn somebody_elses_data_in_an_fram_makes_no_reply_late_and_stays() {
     on_boards(
         |board| board.fram.is_some(),
         |board| {
             let chip = (board.fram.expect("filtered").chip)().used();
-            // Against the frames of the AMT ECUs, one each 125 ms, in different ways.
+            // At different times relative to the AMT ECUs' frames, one every 125 ms.
             const RESETS: [Nanos; 3] = [1500 * MILLIS, 2531 * MILLIS, 3562 * MILLIS];
             let run = Run::new(board, Image::Release).quick_engines().fram(Some(chip.clone()));
             let run = RESETS.into_iter().fold(run, |run, at| run.at(at, |bench| bench.press_reset()));
@@ -646,9 +648,9 @@ fn somebody_elses_data_in_an_fram_makes_no_reply_late_and_stays() {
                 let stats = report.ecu::<AmtEcu>(engine.port).stats;
                 let text = format!("{} {}: {stats:?}", board.name, engine.name);
                 assert_eq!((stats.late, stats.unsolicited), (0, 0), "{text}");
-                // A reset may cut a reply.
+                // A reset may cut off a reply.
                 assert_eq!(stats.bad.total(), stats.bad.truncated, "{text}");
-                // Of the frames that come while it starts; all others are answered.
+                // Only frames that arrive while it starts; all others are answered.
                 assert!(stats.none <= 2 * RESETS.len() as u64 && stats.in_window > 20, "{text}");
             }
             assert!(read.iter().all(|&ms| ms < 60), "{read:?}");
@@ -692,7 +694,7 @@ fn without_a_known_fram_a_text_says_that_a_setting_is_not_stored() {
                 );
                 let vehicle = report.lines("MAVLink: the vehicle is system").next_back().map(|line| line.at);
                 assert!(vehicle.is_some_and(|at| at < 11 * SECOND), "the id is known at once; {texts}");
-                // Nobody writes to what is not known.
+                // An unknown chip is not written.
                 assert_eq!(
                     report.fram.map(|fram| (fram.written, fram.ignored.len())),
                     is_there.then_some((0, 0))
@@ -702,7 +704,7 @@ fn without_a_known_fram_a_text_says_that_a_setting_is_not_stored() {
     );
 }
 
-/// An ECU whose voltages have no known scale (AMT-6): what the divider measures is reported, and counts for a start.
+/// An ECU whose voltages have no known scale (AMT-6): the divider's measurement is reported, and counts for a start.
 #[test]
 fn the_supply_that_the_board_measures_counts_where_the_ecu_reports_none() {
     on_boards(

@@ -1,4 +1,4 @@
-//! Where the image lies in the part's memory, and how deep its stack gets.
+//! Position of the image in the part's memory, and depth of its stack.
 
 use crate::support::{Task, hijack, on_all_boards, on_each_board, symbol};
 use emulation::{Image, Run};
@@ -8,7 +8,7 @@ use std::sync::mpsc;
 /// Limits of the stack, while the firmware runs and while it starts.
 const RUNNING: u64 = 12 * 1024;
 const STARTING: u64 = 40 * 1024;
-/// What the firmware paints its stack with, and how much of it.
+/// Pattern with which the firmware paints its stack, and the painted length.
 const PAINTED: u64 = 64 * 1024;
 const PAINT: u32 = 0xC5C5_C5C5;
 
@@ -39,7 +39,7 @@ fn stack_statics_and_vectors_are_in_their_regions() {
         assert_eq!(report.lines("left: link").count(), 10);
         let words = receiver.recv().expect("the run came by");
         let size = |words: usize| 4 * words as u64;
-        // The firmware paints the uppermost 64 KiB, and what lies below is never touched.
+        // The firmware paints the uppermost 64 KiB, and the memory below is never touched.
         let (below, painted) = words.split_at(words.len() - PAINTED as usize / 4);
         assert!(below.iter().all(|&word| word == Some(0)), "something below the painted stack is used");
         let running =
@@ -88,9 +88,9 @@ fn a_stack_that_grows_too_far_ends_the_firmware_before_it_reaches_the_statics() 
         let report = Run::new(board, Image::Release)
             .engines()
             .at(1500 * MILLIS, move |bench| {
-                // What lies below the guard is marked.
+                // The memory below the guard is marked.
                 (statics_end..guard).step_by(4).for_each(|at| bench.set_word(at, 0x600D_600D));
-                // push {r0-r7, lr}, over and over. It also lies below the guard.
+                // push {r0-r7, lr}, repeatedly. This code is also below the guard.
                 let code = statics_end;
                 bench.set_word(code, 0xE7FD_B5FF);
                 hijack(bench, board, Image::Release, Task::Supervisor, code);

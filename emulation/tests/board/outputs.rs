@@ -52,15 +52,15 @@ fn phases(report: &Report) -> [Phase; 2] {
     [report.ecu::<AmtEcu>(AMT).turbine().phase(), report.ecu::<ZkEcu>(ZK).turbine().phase()]
 }
 
-/// End of the second frame of the receiver after this time: from there on, two of three say it.
+/// End of the second frame of the receiver after this time: from there on, two of three frames have the new value.
 fn second_frame(report: &Report, after: Nanos) -> Nanos {
-    // A frame that was on the line then still says what was before.
+    // A frame then on the line still has the previous value.
     let mut ends =
         report.wire(report.board.radio).rx.iter().filter(|rx| rx.last && rx.end > after + 4 * MILLIS);
     ends.nth(1).expect("frames").end
 }
 
-/// The output is energised or not, for the whole time but for what a reset takes at its beginning.
+/// Checks that the output is energised or not for the whole time, except for the beginning of a reset.
 fn stays(report: &Report, output: Output, level: Level, within: core::ops::Range<Nanos>) {
     let pin = Pin::output(report, output.number);
     assert_eq!(pin.at(within.start), level, "{}, {} at {}", report.board.name, output.name, within.start);
@@ -110,7 +110,7 @@ fn valve_opens_for_a_start_and_is_closed_by_a_stop_within_10_ms_and_over_a_reset
             let again = driven_after(&report, valve, reset, valve.off());
             stays(&report, valve, valve.off(), again..report.at);
         }
-        // The log says each change and why, and the state once a second.
+        // The log reports each change with its reason, and the state once a second.
         for (name, part) in [
             ("left", "fuel valve open: the engine is ordered to run"),
             ("left", "fuel valve closed: emergency stop"),
@@ -157,7 +157,7 @@ fn standby_closes_the_valve_once_the_engine_is_at_rest() {
         run = run
             .at(28 * SECOND, |bench| bench.radio().stick = 0)
             .at(STANDBY, |bench| bench.radio().switch = Position::Standby);
-        // What the turbines do, ten times a second.
+        // State of the turbines, ten times a second.
         for at in (STANDBY..55 * SECOND).step_by(100 * MILLIS as usize) {
             let sender = sender.clone();
             run = run.at(at, move |bench: &mut Bench<'_>| {
@@ -184,14 +184,14 @@ fn standby_closes_the_valve_once_the_engine_is_at_rest() {
                 (closed - STANDBY) as f64 / 1e9,
                 rpm(closed)
             );
-            // It is at rest below 1000 rpm; the last look was up to 0.1 s before.
+            // It is at rest below 1000 rpm; the last sample was up to 0.1 s before.
             assert!(rpm(STANDBY) > 20_000.0 && rpm(closed) < 1100.0, "{}", valve.name);
         }
     });
 }
 
-/// "Left" is a ZK engine on the port that "booster" has in the image. Its record is found there before any setting is read, and where it
-/// was until then is nothing.
+/// "Left" is a ZK engine on the port that "booster" has in the image. Its record is found there before any setting is read, and its
+/// previous port has none.
 #[test]
 fn valve_of_an_engine_on_another_port_stays_open_in_flight_over_a_reset() {
     on_each_board(|board| {
@@ -210,7 +210,7 @@ fn valve_of_an_engine_on_another_port_stays_open_in_flight_over_a_reset() {
             .until(RESET + 6 * SECOND)
             .go_unchecked();
         let texts = format!("{}: {complaints:#?}\n{}", board.name, report.log_text());
-        // The watch over the valves knows the wiring of the image alone.
+        // The audit of the valves knows only the image's wiring.
         assert!(
             complaints.iter().all(|complaint| complaint.starts_with("the valve of left: opens")),
             "{texts}"
@@ -289,7 +289,7 @@ enum Kind {
 impl Kind {
     const ALL: [Self; 5] = [Self::Watchdog, Self::Software, Self::Pin, Self::BrownOut, Self::PowerOn];
 
-    /// As the log has it.
+    /// As in the log.
     const fn cause(self) -> &'static str {
         match self {
             Self::Watchdog => "watchdog",
@@ -314,7 +314,7 @@ impl Kind {
     }
 }
 
-/// What the engines do when the part is reset.
+/// State of the engines when the part is reset.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum State {
     /// In standby, not started yet.
@@ -383,7 +383,7 @@ fn reset_in_each(mut run: Run, board: &'static Board, resets: &[(Nanos, State, K
     }
 }
 
-/// Every kind of reset in every state: where the engine does not continue the valve is closed and stays so, and where it does the valve is driven
+/// Every kind of reset in every state: if the engine does not continue, the valve is closed and stays closed; if it does, the valve is driven
 /// open before anything else. Only a loss of power that erases the record closes it there, until the ECU is received.
 #[test]
 fn each_reset_in_each_state_leaves_the_valve_closed_unless_the_engine_continues() {
@@ -437,7 +437,7 @@ fn valve_of_a_firmware_that_fails_at_each_start_is_closed_after_ten_seconds_of_i
         let crashes = (FEW + MANY) as usize;
         let report = run.resets(crashes).with_errors().until(OVER + 2 * SECOND).go();
         let resets: Vec<Nanos> = report.resets.iter().map(|reset| reset.0).collect();
-        // Time of failed starts in a row before each reset: one that has lived for a second does not count, and ends the row.
+        // Time of failed starts in a row before each reset: one that has lived for a second does not count, and ends the series.
         let mut rows = vec![0];
         for pair in resets.windows(2) {
             let lived = pair[1] - pair[0];
@@ -449,7 +449,7 @@ fn valve_of_a_firmware_that_fails_at_each_start_is_closed_after_ten_seconds_of_i
         let ends = resets[1..].iter().copied().chain([report.at]);
         for ((reset, row), end) in resets.iter().zip(&rows).zip(ends) {
             if row.abs_diff(10 * SECOND) < 150 * MILLIS {
-                // Each start takes some milliseconds besides, so that this one may be either.
+                // Each start takes some additional milliseconds, so this one may be either.
                 continue;
             }
             for valve in VALVES {
@@ -463,10 +463,10 @@ fn valve_of_a_firmware_that_fails_at_each_start_is_closed_after_ten_seconds_of_i
         }
         let closed = rows.iter().filter(|row| **row > 10 * SECOND).count();
         println!("{}: closed for the last {closed} of {crashes} starts", board.name);
-        // The log says why, from the first start on that finds it closed.
+        // The log reports the reason, from the first start that finds it closed.
         let first = report.when("left: fuel valve closed: the firmware failed in repeated starts");
         assert!(first > AGAIN + 9 * SECOND, "{first}");
-        // Run is ordered all the time.
+        // Run is ordered throughout.
         assert_eq!(phases(&report), [Phase::Running; 2]);
     });
 }
@@ -495,8 +495,8 @@ fn supply_that_chatters_closes_no_valve() {
     assert_eq!(phases(&report), [Phase::Running; 2]);
 }
 
-/// Thread mode, which takes stops, hangs within 0.3 s of each start, and the tasks in interrupts work on: the watchdog bites a
-/// second after the start.
+/// Thread mode, which takes stops, hangs within 0.3 s of each start, while the tasks in interrupts keep working: the watchdog
+/// bites 1 s after the start.
 #[test]
 fn valve_of_a_firmware_whose_thread_mode_hangs_at_each_start_is_closed_after_ten_seconds_of_it() {
     on_each_board(|board| {

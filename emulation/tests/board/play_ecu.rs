@@ -6,10 +6,10 @@ use sim::line::Line;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
 
-/// Bytes under way from one port to the other.
+/// Bytes on their way from one port to the other.
 type Lane = Arc<Mutex<VecDeque<u8>>>;
 
-/// One end of two crossed wires. A byte passes on when it is complete: what comes out is a byte's time late.
+/// One end of two crossed wires. A byte is passed on when it is complete, so it arrives one byte time late.
 #[derive(Debug)]
 struct Crossed {
     to_here: Lane,
@@ -57,7 +57,7 @@ fn the_played_ecu_is_answered_by_the_engine_on_the_crossed_port() {
     let mut numbers = line.split(|c: char| !c.is_ascii_digit()).filter_map(|word| word.parse::<u64>().ok());
     let (frames, replies) = (numbers.next().expect("frames"), numbers.next().expect("replies"));
     assert!(frames >= 24 && frames - replies <= 2, "{line}");
-    // A byte's time late there and back, and what it takes to look: what is left is the reply itself.
+    // Less one byte time each way, and the polling interval: the rest is the reply itself.
     let began = numbers.nth(1).expect("microseconds");
     assert!((2 * 4167..2 * 4167 + 2 * 100 + 50).contains(&began), "{line}");
 }

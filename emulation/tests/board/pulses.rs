@@ -1,5 +1,5 @@
-//! Servo pulses on the timer of the board: an AMT and a ZK turbine by stick and switch, and what wires do that break, carry noise, or are
-//! plugged in at full throttle.
+//! Servo pulses on the timer of the board: an AMT and a ZK turbine by stick and switch, and wires that break, carry noise, or are plugged
+//! in at full throttle.
 
 use crate::radio::{AMT, Order, ZK, is_half, order_at, orders, phases};
 use crate::support::on_each_board;
@@ -66,7 +66,7 @@ fn pulses_fly_two_turbines_and_a_receiver_without_them_is_silence_and_no_jump() 
             }
             let held = within(&orders, OFF, OFF + 1400 * MILLIS).all(|(_, order)| is_half(*order));
             assert!(held, "{which}");
-            // The stick is up: it has to come to where the demand is.
+            // The stick is up: it first has to come close to the demand.
             assert_eq!(order_at(&orders, BACK), Order::Run(0), "{which}");
             let idle = within(&orders, BACK, STOP).all(|(_, order)| *order == Order::Run(0));
             assert!(idle, "{which}: {:?}", within(&orders, BACK, STOP).collect::<Vec<_>>());
@@ -80,8 +80,8 @@ fn pulses_fly_two_turbines_and_a_receiver_without_them_is_silence_and_no_jump() 
     });
 }
 
-/// Both in one image: the inputs take four of the outputs, and valves are on what is left: that of "left" on both boards, which the stop
-/// closes within 10 ms of the second pulse with it, and over a reset. No output is on an input.
+/// Both in one image: the inputs use four of the outputs, and valves are on the remaining ones: that of "left" on both boards, which the
+/// stop closes within 10 ms of the second pulse with it, and over a reset. No output is on an input.
 #[test]
 fn pulses_open_and_close_a_valve_on_an_output_that_is_no_input() {
     on_each_board(|board| {
@@ -104,7 +104,7 @@ fn pulses_open_and_close_a_valve_on_an_output_that_is_no_input() {
         assert_eq!(levels, [Level::High, Level::Low], "{}: {changes:?}", board.name);
         let (opened, closed) = (changes[0].0, changes[1].0);
         assert!((5 * SECOND..8 * SECOND).contains(&opened), "{}: {opened}", board.name);
-        // The median of three pulses, 20 ms apart, has it with the second.
+        // The median of three pulses, 20 ms apart, follows the second one.
         println!("{}: closed {:.1} ms after the switch", board.name, (closed - STOP) as f64 / 1e6);
         assert!((STOP..STOP + 60 * MILLIS).contains(&closed), "{}: {closed}", board.name);
         let after = valve.changes(reset + 1..report.at);
@@ -136,14 +136,14 @@ fn pulses_of_full_throttle_start_nothing() {
         for (name, orders) in named(&report) {
             let starts = orders.iter().any(|(_, order)| matches!(order, Order::Run(_)));
             assert!(!starts, "{}, {name}", board.name);
-            // The stop of 9 s arrived: the switch is at work.
+            // The stop at 9 s arrived: the switch works.
             assert!(orders.iter().any(|(_, order)| *order == Order::Stop), "{}, {name}", board.name);
         }
     });
 }
 
-/// The wire of the throttle, then that of the switch: each alone is silence for both engines, and neither stops nor moves one. A stop
-/// counts without the wire of the throttle. Widths and rates that no receiver has are also silence.
+/// The wire of the throttle, then that of the switch: each one alone is silence for both engines, and neither stops nor moves an
+/// engine. A stop counts without the wire of the throttle. Widths and rates that no receiver sends are also silence.
 #[test]
 fn a_broken_wire_and_pulses_that_no_receiver_sends_are_silence() {
     on_each_board(|board| {
@@ -152,7 +152,7 @@ fn a_broken_wire_and_pulses_that_no_receiver_sends_are_silence() {
         const SLOW: Nanos = 46 * SECOND;
         const STOP: Nanos = 55 * SECOND;
         let back = |run: Run, at: Nanos| {
-            // The stick comes to where the demand is. A lost source is in control again after 3 s; then the stick goes up.
+            // The stick comes close to the demand. A lost source is in control again after 3 s; then the stick goes up.
             run.at(at, |bench| {
                 let pulses = bench.pulses();
                 (pulses.wires, pulses.period, pulses.stick) = ([true; 4], 20 * MILLIS, 0);
@@ -204,7 +204,7 @@ fn noise_on_an_input_delays_no_reply_and_no_stick() {
             let stop = orders.iter().any(|(at, order)| *at > STOP && *order == Order::Stop);
             assert!(stop, "{}, {name}", board.name);
         }
-        // People see it, and that the pulses beside it are good.
+        // The log shows it, and that the other pulses are good.
         let rests: Vec<Nanos> =
             report.lines("radio control: noise on a pulse input, ").map(|line| line.at).collect();
         assert!(rests.len() > 2 && rests[0] > NOISE, "{}", report.log_text());

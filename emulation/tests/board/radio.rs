@@ -1,5 +1,5 @@
-//! A receiver of radio control on its port, SBUS or CRSF: line settings, an AMT and a ZK turbine by stick and switch, and what a receiver that is
-//! lost, unplugged or plugged in at full throttle does.
+//! A receiver of radio control on its port, SBUS or CRSF: line settings, an AMT and a ZK turbine by stick and switch, and a receiver that is
+//! lost, unplugged or plugged in at full throttle.
 
 use crate::mavlink;
 use crate::reply_time::GARBAGE;
@@ -69,7 +69,7 @@ fn run(board: &'static Board, (protocol, image): (Protocol, Image)) -> Run {
     Run::new(board, image).quick_engines().only(&[AMT, ZK]).radio(Receiver::new(protocol))
 }
 
-/// 50.0 %, as far as both protocols have it.
+/// 50.0 %, to the resolution of both protocols.
 pub fn is_half(order: Order) -> bool {
     matches!(order, Order::Run(495..=505))
 }
@@ -119,7 +119,7 @@ fn stick_and_switch_fly_two_turbines_and_a_lost_receiver_is_silence_and_no_jump(
                     "{which}, {name}"
                 );
                 assert_eq!(order_at(&orders, BACK), Order::Run(0), "{which}, {name}");
-                // The stick has to come to where the demand is.
+                // The stick has to come close to the demand.
                 let idle = orders_in(BACK, AT_IDLE).all(|(_, order)| *order == Order::Run(0));
                 assert!(idle, "{which}, {name}: {:?}", orders_in(BACK, AT_IDLE).collect::<Vec<_>>());
                 assert!(is_half(order_at(&orders, UNPLUGGED)), "{which}, {name}: in control again");
@@ -162,15 +162,15 @@ fn a_receiver_plugged_in_at_full_throttle_starts_nothing() {
             assert!(report.logged("radio control: receiving frames"));
             for orders in orders(&report) {
                 assert!(orders.iter().all(|(_, order)| !matches!(order, Order::Run(_))), "{}", board.name);
-                // The stop of 9 s arrived: the switch is at work.
+                // The stop at 9 s arrived: the switch works.
                 assert!(orders.iter().any(|(_, order)| *order == Order::Stop), "{}", board.name);
             }
         }
     });
 }
 
-/// The emulated UART carries words, whatever parity and level: so the registers are looked at. The byte times are checked at every
-/// run, with parity and both stop bits.
+/// The emulated UART carries words whatever the parity and level, so the test checks the registers. The byte times are checked at
+/// every run, with parity and both stop bits.
 #[test]
 fn the_port_of_a_receiver_has_its_line_settings() {
     on_each_board(|board| {
@@ -214,7 +214,7 @@ fn the_worst_reply_beside_a_busy_receiver_is_far_inside_the_window() {
             let receiver = Receiver::new(protocol);
             let frame = receiver.frame();
             let line = Line::n1(2400);
-            // An odd period, so that the frames come to lie against everything else in every way.
+            // An odd period, so that the frames coincide with everything else in every way.
             let config = AmtConfig { period: 61_003_000, ..AmtConfig::new(EngineModel::Olympus) }.on(line);
             let mut run = Run::new(board, image).engines().ecu(AMT, line, AmtEcu::new(config)).tap(AMT);
             if load != "no receiver" {

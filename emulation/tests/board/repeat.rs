@@ -1,4 +1,4 @@
-//! Two runs of the same are the same, to the instruction; other runs are not.
+//! Two equal runs are the same, to the instruction; different runs are not.
 
 use crate::support::on_each_board;
 use emulation::{Board, Image, Run};

@@ -14,7 +14,7 @@ pub const GARBAGE: [u8; 13] = [0xFF, 0x80, 0xF1, 0x00, 0xFF, 0xFF, 0x13, 0xF0, 0
 const RATES: [(&Board, u64); 3] =
     [(&MATEK_H743, 400_000_000), (&PIXRACER, 168_000_000), (&PIXRACER, 100_000_000)];
 
-/// What else the firmware does meanwhile, in the order of the table.
+/// Other work of the firmware meanwhile, in the order of the table.
 const LOADS: [&str; 3] = ["idle", "all engines, logging", "all ports saturated"];
 
 struct Row {
@@ -27,7 +27,7 @@ struct Row {
     slots: u64,
 }
 
-/// An AMT ECU at an odd period, so that its frames come to lie against everything else in every way.
+/// An AMT ECU at an odd period, so that its frames coincide with everything else in every way.
 fn amt(engine: EngineModel, line: Line, period: Nanos) -> AmtEcu {
     AmtEcu::new(AmtConfig { period, ..AmtConfig::new(engine) }.on(line))
 }
@@ -153,7 +153,7 @@ fn the_worst_reply_of_each_board_is_far_inside_the_window() {
 }
 
 /// A byte at 115 200 baud takes 87 µs, and an F427 holds one: the next one overwrites it. So nothing may delay an interrupt
-/// for long, log lines included. The line is full, so some byte comes at the worst moment of each.
+/// for long, log lines included. The line is full, so some byte arrives at the worst moment of each.
 #[test]
 fn no_byte_waits_long_for_its_interrupt() {
     on_each_board(|board| {

@@ -1,4 +1,4 @@
-//! A transmitter that stops in the middle of a byte, and only setting its UART up again brings it back.
+//! A transmitter that stops in the middle of a byte, and works again only after its UART is set up again.
 
 use crate::support::{on_each_board, others_are_well};
 use emulation::{Image, Report, Run};
@@ -28,7 +28,7 @@ fn port_with_a_stuck_transmitter_is_reopened_and_serves_its_ecu_again() {
             .with_errors()
             .until(8 * SECOND)
             .go_unchecked();
-        // The firmware writes to a transmitter that is off, which is what this is about.
+        // The firmware writes to a transmitter that is off, as this test intends.
         let others: Vec<_> = complaints.iter().filter(|text| !text.starts_with("not defined: ")).collect();
         assert!(others.is_empty(), "{others:#?}");
 
@@ -42,7 +42,7 @@ fn port_with_a_stuck_transmitter_is_reopened_and_serves_its_ecu_again() {
             let pause = again - stopped;
             println!("{} {port}: served again after {:.1} ms", board.name, pause as f64 / 1e6);
             assert!((SECOND..1500 * MILLIS).contains(&pause), "{} {port}: {pause} ns", board.name);
-            // Not by itself: the port was opened in between.
+            // Only because the port was opened in between.
             assert!(opened.iter().any(|at| (stopped..*again).contains(at)), "{opened:?} {stopped} {again}");
             let status = format!("{engine}: link");
             let status = &report.lines(&status).next_back().expect("a status line").text;

@@ -51,7 +51,7 @@ pub fn symbol(board: &Board, image: Image, name: &str) -> u64 {
     emulation::image::symbol(&bytes, name).unwrap_or_else(|| panic!("the image has no symbol {name}"))
 }
 
-/// The engines of an image, each with the port it is on.
+/// The engines of an image, each with its port.
 pub fn engines(report: &Report) -> Vec<Engine> {
     engines::of(report.board, report.image)
 }
@@ -145,7 +145,7 @@ pub fn hijack(bench: &mut Bench<'_>, board: &Board, image: Image, task: Task, co
     assert!(hijack_if_spawned(bench, board, image, task, code), "a task's code");
 }
 
-/// The same, where the task may not be spawned yet. Returns whether it is.
+/// The same, if the task may not be spawned yet. Returns whether it is.
 pub fn hijack_if_spawned(bench: &mut Bench<'_>, board: &Board, image: Image, task: Task, code: u64) -> bool {
     let elf = image.read(board).expect("an image");
     let name = match task {
@@ -153,7 +153,7 @@ pub fn hijack_if_spawned(bench: &mut Bench<'_>, board: &Board, image: Image, tas
         Task::Engine => "6engine4POOL",
     };
     let task = emulation::image::symbol_ending(&elf, name).expect("a task");
-    // One address of code is in the task's header: where it runs.
+    // The task's header contains one code address: that of its poll function.
     let is_code =
         |word: &Option<u32>| word.is_some_and(|word| word & 1 == 1 && board.flash.contains(&word.into()));
     let header = (task..task + 64).step_by(4);
@@ -174,7 +174,7 @@ pub struct Led {
 }
 
 impl Led {
-    /// Of this board.
+    /// The LED of this board.
     pub fn of(board: &Board) -> Self {
         let emulation::board::Led { pin: (port, pin), lit, .. } = board.led;
         Self { register: board.gpio + 0x400 * u64::from(port as u8 - b'A') + 0x18, pin, lit }

@@ -1,4 +1,4 @@
-//! The emulator's own copy of the boards against the project's table in `boards/`: a mistake in one of them shows.
+//! Compares the emulator's own copy of the boards with the project's table in `boards/`: a mistake in one of them shows.
 
 use boards::Level;
 use emulation::board::{Before, Part, Pin};

@@ -1,6 +1,6 @@
 //! An image with USB. The emulator has no USB controller: its registers have the values that a reset leaves, and report a suspend forever. So
-//! this is what a board does whose controller answers nonsense: it serves everything else. Nothing of USB itself is shown, nor that it
-//! stays off where the controller or its supply do not get ready.
+//! this tests a board whose controller responds with nonsense: it serves everything else. It does not test USB itself, nor that USB stays off
+//! if the controller or its supply do not become ready.
 
 use crate::support::{on_each_board, others_are_well};
 use emulation::{Image, Run};
@@ -9,7 +9,7 @@ use sim::ecu::{MILLIS, SECOND};
 /// Clock, supply, version and readiness have 0.1 s each.
 const DECIDED: u64 = 500 * MILLIS;
 
-/// What the checks of a run find of the controller's registers and its clock's, which are not modelled.
+/// Findings of a run about the registers of the controller and its clock, which are not modelled.
 fn is_of_the_controller(complaint: &str) -> bool {
     let unmapped = ["unmapped at=0x5000", "unmapped at=0x4008"];
     let names = ["OTG", "CRS."];

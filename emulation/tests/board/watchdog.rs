@@ -40,8 +40,8 @@ fn a_silent_line_resets_nothing() {
     });
 }
 
-/// A probe that halts the core must not be answered by a reset: the bit in DBGMCU comes before the watchdog. That the
-/// watchdog then pauses is the part's to do; nothing halts the core here.
+/// A probe that halts the core must not be answered by a reset: the bit in DBGMCU comes before the watchdog. The part
+/// itself then pauses the watchdog; nothing halts the core here.
 #[test]
 fn it_is_set_to_pause_while_a_probe_halts_the_core() {
     on_each_board(|board| {

@@ -1,15 +1,14 @@
-//! Holds every frame that the node puts on a line against what its pilot has commanded.
+//! Compares every frame that the node sends with its pilot's commands.
 //!
 //! The bytes are those at the node's transmitter, before any fault, and the simulation reads them (`sim::control`), not
-//! jetlink. A frame has to be what an order in force when it was made allows, by the rules that jetlink
-//! documents:
+//! jetlink. An order in force when the frame was made has to allow it, by the documented rules of jetlink:
 //!
-//! - listening, after a power-up or a reset: what the ECU obeyed before, nothing else;
+//! - listening, after a power-up or a reset: only what the ECU obeyed before;
 //! - standby: standby at throttle 0;
 //! - run at a throttle: that throttle, or 0 during the start;
 //! - run at an rpm: that rpm, or the idle rpm or 0 during the start;
-//! - after a start, a take-over, a gap in what the ECU sent, or a reset: a demand that rises from the last one on the wire
-//!   to the commanded one, at most at 50 % a second;
+//! - after a start, a take-over, a gap in the ECU's frames, or a reset: a demand that rises from the last one on the
+//!   wire to the commanded one, at most at 50 % a second;
 //! - its source is lost, or another one is about to take over: no higher throttle than before;
 //! - a run that the node cancels: standby, where the simulated engine had stopped, or its ECU fell silent in the start;
 //! - ZK beside these: ID 0, and ID 2 with the configured rate.
@@ -31,33 +30,33 @@ use std::collections::VecDeque;
 pub use vendor::WireCommand;
 use vendor::{Judge as _, Level, Rise};
 
-/// A frame may be so much older than its first bit: it was made before the order changed.
+/// Largest age of a frame at its first bit: it was made before the order changed.
 const MADE_BEFORE: Nanos = 50 * MILLIS;
 /// Bytes of one frame follow each other; after a longer gap another frame begins.
 const LONGEST_GAP: Nanos = 5 * MILLIS;
-/// Findings that are kept; all are counted.
+/// Number of findings that are kept; all are counted.
 const KEPT: usize = 5;
 /// Periods of the ECU's frames without one after which nothing is on the wire.
 const NOTHING_AFTER: Nanos = 3;
-/// A rise after a gap or a reset has begun and ended after this: 10 s of doubt, 2 s from idle to full, and a frame.
+/// Time by which a rise after a gap or a reset has ended: 10 s of doubt, 2 s from idle to full, and a frame.
 const RISE_WITHIN: Nanos = 13 * SECOND;
 /// A rise after a start: the time that a start may take, and the rise.
 const RISE_AFTER_START: Nanos = 125 * SECOND;
 /// ECUs report whole or half percents, here in tenths.
 const REPORTED_GRAIN: u16 = 10;
-/// No good start of a simulated engine takes longer.
+/// Longest duration of a good start of a simulated engine.
 const START_TAKES: Nanos = 30 * SECOND;
-/// An engine that stopped, or runs, shows in two reports of its ECU, of which noise may damage some.
+/// Time in which two reports of the ECU show that the engine stopped or runs, though noise may damage some.
 const REPORTED_WITHIN: Nanos = 3 * SECOND;
 /// Without a confirmation an order is given up after 10 s, or an AMT ECU's serial delay time.
 const UNCONFIRMED: Nanos = 11 * SECOND;
 /// From the arrival of a run to the first step of its start.
 const MISREAD_ACTS_WITHIN: Nanos = 100 * MILLIS;
-/// Time without any source after which an engine is shut down that is not known to run: 10 s, of which the
-/// node reckons 0.2 s for each reset, however short it was.
+/// Time without any source after which an engine that is not known to run is shut down: 10 s, of which the
+/// node counts 0.2 s for each reset, however short.
 const ALL_SILENT: Nanos = 8 * SECOND;
 
-/// A frame that nothing allows.
+/// A frame that no order allows.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Finding {
     /// When its first bit was sent.
@@ -79,14 +78,14 @@ pub struct TransmittedFrame {
     pub command: WireCommand,
 }
 
-/// What the node may send.
+/// Frames that the node may send.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Allowed {
     /// What this order allows.
     Order(Order),
     /// A run at this demand or any lower one.
     UpTo(Highest),
-    /// What it sent last before it was reset, to the resolution that the ECU reports.
+    /// The last command before its reset, to the resolution of the ECU's reports.
     Again(WireCommand),
 }
 
@@ -98,7 +97,7 @@ struct Highest {
 }
 
 impl Highest {
-    /// Of a command on the wire that is a run.
+    /// The demand of a run on the wire.
     const fn of(wire: WireCommand) -> Option<Self> {
         match wire {
             WireCommand::Run(tenths) => Some(Self { tenths, rpm: 0 }),
@@ -135,23 +134,23 @@ impl core::fmt::Display for Allowed {
     }
 }
 
-/// What the ECU's frames on the wire show of gaps, by what became of each byte.
+/// Gaps between the ECU's frames on the wire, by the fate of each byte.
 #[derive(Clone, Debug)]
 struct Received {
     /// Between two frames of the ECU.
     period: Nanos,
     /// Damaged frames look like whole ones (AMT: no checksum).
     unchecked: bool,
-    /// The last byte of the frame under way, and whether the frame arrived as it was sent so far.
+    /// The last byte of the frame in progress, and whether it has arrived intact so far.
     frame: Option<(Nanos, bool)>,
     /// The last bit of the last whole frame.
     whole: Option<Nanos>,
-    /// When three expected frames had not come, or a damaged one could be taken for another.
+    /// When three expected frames were missing, or a damaged one could be taken for another.
     gap: Option<Nanos>,
 }
 
 impl Received {
-    /// A byte of the ECU, or one that noise made.
+    /// A byte from the ECU, or one added by noise.
     fn byte(&mut self, entry: &Entry) {
         let arrived = entry.fate == Fate::Delivered;
         match &mut self.frame {
@@ -191,16 +190,16 @@ pub struct Audit {
     judges: Judges,
     cadence: Option<Nanos>,
     idle_rpm: u32,
-    /// What was ordered and from when, the oldest that still matters first.
+    /// The orders and their times, the oldest relevant one first.
     orders: VecDeque<(Nanos, Allowed)>,
     reader: Reader,
     /// Reads what arrives at the ECU, as the ECU does.
     arrived: Reader,
-    /// When a run arrived that the node has not sent: noise has made it.
+    /// Times at which a run arrived that the node has not sent, made by noise.
     misread_runs: Vec<Nanos>,
     /// The first bit of the last frame.
     frame_start: Nanos,
-    /// The last reset: what was begun before belongs to a node that is no more.
+    /// The last reset: frames begun before belong to the earlier life of the node.
     reset_at: Option<Nanos>,
     /// The last demand on the wire.
     level: Option<Level>,
@@ -216,7 +215,7 @@ pub struct Audit {
     /// When the engine was last seen to stop, and whether it was live when it was last seen.
     stopped_at: Option<Nanos>,
     was_live: bool,
-    /// Since when it has been seen running, and whether the node has to know.
+    /// Since when it has been seen running.
     running_since: Option<Nanos>,
     reported_running: bool,
     /// When a source last commanded.
@@ -225,7 +224,7 @@ pub struct Audit {
     last_slot: Option<Nanos>,
     /// The first bit of the last frame, if the next one may share its send slot.
     slot_shared_at: Option<Nanos>,
-    /// What the node sent last that concerns the switch or the demand.
+    /// The node's last command that concerns the switch or the demand.
     pub on_wire: Option<WireCommand>,
     /// The last bits of the last frame that does, and of the last frame of any kind.
     commanded_until: Nanos,
@@ -236,12 +235,12 @@ pub struct Audit {
     pub transmitted: Option<Vec<TransmittedFrame>>,
     /// Frames of the node.
     pub frames: u64,
-    /// Those of them that went out before the ECU sent anything: it was still starting up.
+    /// Frames sent before the ECU sent anything: it was still starting up.
     pub frames_before_ecu: u64,
     ecu_sent: bool,
     /// The largest difference of two slots' distance from the cadence, see [`Audit::measure_cadence`].
     pub worst_cadence_error: Option<Nanos>,
-    /// Frames that nothing allows.
+    /// Number of frames that no order allows.
     pub not_given: u64,
     /// The first of them.
     pub findings: Vec<Finding>,
@@ -337,7 +336,7 @@ impl Audit {
         }
     }
 
-    /// Who commands is not known here: the frames' commands are not judged.
+    /// The source of commands is unknown here: the frames' commands are not judged.
     pub fn judge_no_orders(&mut self) {
         self.judged = false;
     }
@@ -351,7 +350,7 @@ impl Audit {
         }
     }
 
-    /// This is ordered from now on.
+    /// This order is in force from now on.
     pub fn ordered(&mut self, at: Nanos, order: Order) {
         let before = self.orders.back().map(|&(_, allowed)| allowed);
         match (before, order) {
@@ -381,7 +380,7 @@ impl Audit {
     }
 
     /// The source of a running engine is lost, or one with this demand waits to take over: from now on the demand may be
-    /// anything up to this, or up to what it is. With no run on the wire nothing changes.
+    /// anything up to this one, or up to the present one. With no run on the wire nothing changes.
     pub fn may_be_up_to(&mut self, at: Nanos, demand: Option<Demand>) {
         let now = match (self.on_wire, self.orders.back()) {
             (_, Some(&(_, Allowed::Order(Order::Standby | Order::EmergencyStop)))) => return,
@@ -428,7 +427,7 @@ impl Audit {
         }
     }
 
-    /// What the simulated engine does now.
+    /// Takes the present state of the simulated engine.
     pub fn see_engine(&mut self, at: Nanos, phase: Phase) {
         if self.was_live && !phase.is_live() {
             self.stopped_at = Some(at);
@@ -447,9 +446,9 @@ impl Audit {
         self.reported_running
     }
 
-    /// The node goes to standby by itself. It may, and may have reported it a little late, where the engine had stopped,
-    /// where its ECU fell silent in the start, where a start has had its time, and where no source has commanded for long and
-    /// it still starts or its ECU fell silent.
+    /// The node itself orders standby, perhaps reported slightly late. It may if the engine had stopped, if its ECU fell
+    /// silent during the start, if the start has timed out, or if no source has commanded for long while it still starts or
+    /// its ECU is silent.
     pub fn cancelled(&mut self, at: Nanos, phase: Phase) {
         self.see_engine(at, phase);
         self.received.find_gap(at);
@@ -467,7 +466,7 @@ impl Audit {
         if stopped || starting || forsaken {
             self.standby_took_effect(at);
         } else {
-            // On the wire that is an unsolicited standby, but the pilot may be there with one of its own first.
+            // On the wire this is an unsolicited standby, but the pilot's own may come first.
             self.find(at, Vec::new(), "the node gave up a running engine and goes to standby");
         }
     }
@@ -482,8 +481,8 @@ impl Audit {
         self.ordered(at.saturating_sub(MADE_BEFORE).max(last), Order::Standby);
     }
 
-    /// The node has given up an order that nothing has confirmed for too long. It may, where its ECU fell silent. Then
-    /// it may send nothing, or again what it sent before.
+    /// The node has given up an order that was unconfirmed for too long. It may if its ECU fell silent. Then it may
+    /// send nothing, or again what it sent before.
     pub fn given_up(&mut self, at: Nanos) {
         self.received.find_gap(at);
         if self.received.gap.is_some_and(|gap| at <= gap + UNCONFIRMED) {
@@ -494,7 +493,7 @@ impl Audit {
         }
     }
 
-    /// Takes what the line has recorded.
+    /// Takes the recording of the line.
     pub fn look(&mut self, entries: &[Entry]) {
         for entry in entries {
             match entry.direction {
@@ -503,7 +502,7 @@ impl Audit {
             }
             match (entry.direction, entry.fate) {
                 (_, Fate::Added) => {}
-                // The byte that the reset has cut.
+                // The byte cut off by the reset.
                 (Direction::ToEcu, _) if self.reset_at.is_some_and(|at| entry.start <= at) => {}
                 (Direction::ToNode, _) => self.ecu_sent = true,
                 (Direction::ToEcu, _) => self.byte(entry),
@@ -511,7 +510,7 @@ impl Audit {
         }
     }
 
-    /// What the line has recorded is taken up to this time: older orders can be forgotten.
+    /// The recording has been taken up to this time: older orders can be forgotten.
     pub fn looked_until(&mut self, at: Nanos) {
         self.misread_runs.retain(|&run| at <= run + 2 * MISREAD_ACTS_WITHIN);
         while self.orders.get(1).is_some_and(|&(from, _)| from + 2 * MADE_BEFORE < at) {
@@ -535,7 +534,7 @@ impl Audit {
         }
     }
 
-    /// Whether a run that noise has made arrived right before this.
+    /// Whether a run made by noise arrived right before this time.
     pub fn is_misread(&self, at: Nanos) -> bool {
         self.misread_runs.iter().any(|&run| run <= at && at <= run + MISREAD_ACTS_WITHIN)
     }
@@ -592,7 +591,7 @@ impl Audit {
         }
     }
 
-    /// From slot to slot. What may be sent before its slot does not count, and leaves the slots where they are: the
+    /// Measured from slot to slot. Frames that may precede their slot do not count, and do not shift the slots: the
     /// first frame of an emergency stop, and the frame that shares the slot of the one before.
     fn measure_cadence(&mut self, start: Nanos, frame: &control::Frame) {
         let Some(cadence) = self.cadence else { return };
@@ -637,7 +636,7 @@ impl Audit {
     }
 
     /// Whether the node repeats or lowers a speed, or repeats the switch with the throttle at idle, because it has not received its
-    /// ECU: that starts no engine and raises no demand.
+    /// ECU: this starts no engine and raises no demand.
     fn repeats_in_doubt(&self, wire: WireCommand) -> bool {
         let runs = self
             .orders

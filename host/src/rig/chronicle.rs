@@ -1,4 +1,4 @@
-//! What pictures of a run are made of: the record of its engines, and what happened. The plot and the report read the same one.
+//! The data of a run's pictures: the record of its engines, and the events. Plot and report use the same data.
 
 use super::context::Note;
 use super::quantity::seconds;
@@ -7,7 +7,7 @@ use super::sample::Sample;
 use super::title::Title;
 use embassy_time::Instant;
 
-/// Notes that are kept.
+/// Largest number of notes that are kept.
 const MOST_NOTES: usize = 10_000;
 
 /// Something that happened.
@@ -15,18 +15,18 @@ const MOST_NOTES: usize = 10_000;
 pub struct Happening {
     /// When, in seconds.
     pub t: f64,
-    /// To which engine; `None`: to all.
+    /// The engine; `None`: all.
     pub engine: Option<usize>,
     /// What.
     pub text: String,
 }
 
-/// What is drawn of one engine.
+/// Data of one engine for the pictures.
 #[derive(Debug)]
 pub struct Subject {
     /// Its name.
     pub name: &'static str,
-    /// What it is.
+    /// Its description.
     pub caption: String,
     /// Shaft speed at full throttle.
     pub max_rpm: f64,
@@ -39,11 +39,11 @@ pub struct Subject {
 /// The content of the pictures of a run, gathered during it.
 #[derive(Debug)]
 pub struct Chronicle {
-    /// What the run is.
+    /// Description of the run.
     pub title: Title,
     /// The engines.
     pub subjects: Vec<Subject>,
-    /// What was seen of them.
+    /// Their recorded samples.
     pub record: Record,
     /// What is marked in a picture, in few words.
     pub happened: Vec<Happening>,
@@ -51,11 +51,11 @@ pub struct Chronicle {
     pub first_mark: Option<f64>,
     /// All that happened, in sentences.
     pub notes: Vec<Note>,
-    /// Further notes, which are not kept.
+    /// Number of further notes that were not kept.
     pub dropped: usize,
 }
 
-/// Events that a picture shows, by what they begin with, and in its words.
+/// Events that a picture shows, by the beginning of their text, and the text in the picture.
 const SHOWN: [(&str, &str); 19] = [
     ("the line is cut", "line cut"),
     ("the line is joined again", "line joined"),

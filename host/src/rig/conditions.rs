@@ -1,5 +1,5 @@
 //! Why an engine does not start, and what holds its demand below the command: each condition with its value and its limit.
-//! What is not met comes from the node itself, in the sentence of its refusal.
+//! An unmet condition comes from the node itself, in the words of its refusal.
 
 use super::audit::WireCommand;
 use super::context::PilotInput;
@@ -18,13 +18,13 @@ use jetlink::units::{Celsius, Rpm};
 pub struct Condition {
     /// It is met.
     pub met: bool,
-    /// What it is about.
+    /// Its subject.
     pub what: &'static str,
     /// Value and limit, or the refusal.
     pub text: String,
 }
 
-/// Conditions that rest on what the ECU reports.
+/// Conditions that depend on the ECU's reports.
 const REPORTED: [&str; 4] = ["faults", "state", "EGT", "supply"];
 const NOT_RECEIVED: &str = "not known: nothing is received from the ECU";
 
@@ -37,10 +37,10 @@ pub fn of_start(detail: &Detail) -> Vec<Condition> {
     let (telemetry, rules) = (&detail.telemetry, &detail.config.supervision.start);
     let report = &telemetry.report;
     let mut all = Vec::new();
-    // What is shown of a condition that no refusal names; without a text, nothing.
+    // Text of a condition that no refusal names; without a text it is not shown.
     let mut add = |what, met: Option<String>, limit: String, of_it: fn(&Rejected) -> bool| {
         let refusal = refusals.iter().find(|why| of_it(why));
-        // What the ECU reported before its wire went dead is no condition that is met now.
+        // Reports from before the wire was lost do not show that a condition is met now.
         let unknown = REPORTED.contains(&what) && telemetry.link != LinkState::Up;
         if let Some(why) = refusal {
             all.push(Condition { met: false, what, text: format!("{why}{limit}") });
@@ -132,7 +132,7 @@ pub fn of_start(detail: &Detail) -> Vec<Condition> {
     all
 }
 
-/// Value and limit of a violation, behind its name.
+/// Value and limit of a violation, after its name.
 fn values(violation: &LimitViolation) -> String {
     violation.to_string().strip_prefix(violation.kind.name()).unwrap_or_default().to_owned()
 }
@@ -149,7 +149,7 @@ pub fn is_sent(sample: &Sample) -> bool {
     }
 }
 
-/// What keeps the demand on the wire from the commanded one; nothing if it is there, or is with the next frame.
+/// Reasons why the demand on the wire differs from the commanded one; empty if it does not, or will not with the next frame.
 pub fn of_demand(sample: &Sample, detail: &Detail) -> Vec<String> {
     let (telemetry, supervision) = (&detail.telemetry, &detail.config.supervision);
     let loss = &supervision.loss;
@@ -230,7 +230,7 @@ pub fn of_demand(sample: &Sample, detail: &Detail) -> Vec<String> {
     all
 }
 
-/// What moves a demand that nothing else holds.
+/// Reason for the motion of a demand that nothing else holds.
 fn on_its_way(commanded: Demand, sent: Demand, detail: &Detail) -> Option<String> {
     let supervision = &detail.config.supervision;
     let rate = |per_mille: u16| format!("{:.1} % a second", f64::from(per_mille) / 10.0);
@@ -270,7 +270,7 @@ fn report_max(detail: &Detail) -> Option<Rpm> {
     detail.telemetry.report.max_rpm.map(|max| max.value).into_iter().chain(governed).min()
 }
 
-/// What the node does about a limit.
+/// The node's action for a limit.
 const fn action(limits: &Limits, kind: LimitKind) -> Action {
     match kind {
         LimitKind::OverSpeed => limits.over_speed.action,
@@ -344,7 +344,7 @@ mod tests {
         assert!(of_start(&detail).iter().all(|condition| condition.met));
         assert_eq!(of(&detail, "EGT").unwrap().text, "25 °C, limit 100 °C");
         assert_eq!(of(&detail, "demand").unwrap().text, "0.0 %, at most 2.0 %");
-        // What the node refuses with is what is shown, whatever a reader might make of the values.
+        // The node's refusal is shown, however a reader might interpret the values.
         let violation = |kind, value, limit| LimitViolation { kind, value, limit, at: Instant::MIN };
         detail.violations =
             vec![violation(LimitKind::FlameOut, 30, 25), violation(LimitKind::OverTemperature, 8230, 8000)];
@@ -429,7 +429,7 @@ mod tests {
             conditions.iter().all(|condition| condition.met && !condition.text.is_empty()),
             "{conditions:?}"
         );
-        // With a dead wire nothing is known of what the ECU reported before.
+        // With a lost wire, the ECU's earlier reports no longer count.
         for link in [LinkState::Lost, LinkState::Silent] {
             detail.telemetry.link = link;
             let unmet = of_start(&detail).into_iter().filter(|condition| !condition.met);

@@ -1,4 +1,4 @@
-//! What the tasks of one engine share: what it is commanded, what was noted, and the audit of its line.
+//! State shared by the tasks of one engine: its commands, its notes, and the audit of its line.
 
 use super::audit::Audit;
 use super::disturbances::{By, Disturbances};
@@ -17,7 +17,7 @@ use sim::ecu::{Nanos, SECOND};
 use sim::wire::{Direction, Faults as LineFaults, Plug};
 use std::cell::{Cell, RefCell};
 
-/// How far an engine's pilot has come.
+/// Stage of an engine's pilot.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Stage {
     /// Standby, before a start.
@@ -30,13 +30,13 @@ pub enum Stage {
     Steps,
     /// Standby commanded, until the engine is cool and at rest.
     Cooling,
-    /// All was done.
+    /// Everything is done.
     Done,
     /// Something was not reached; the engine is kept in standby.
     Failed,
     /// Its source falls silent in the middle of the run, and comes back.
     SourceLost,
-    /// What this scenario is about happens.
+    /// The scenario's own events take place.
     Scenario(&'static str),
     /// It was taken from its script, and is played.
     Played,
@@ -81,7 +81,7 @@ impl PilotInput {
         }
     }
 
-    /// As what the node has to keep on the wire.
+    /// As the order that the node has to keep on the wire.
     pub const fn order(self) -> Order {
         match self {
             Self::Standby => Order::Standby,
@@ -123,13 +123,13 @@ impl core::fmt::Display for PilotInput {
 pub struct Note {
     /// When.
     pub at: Instant,
-    /// Whose, by its place in the list of engines; `None`: of the whole run.
+    /// Its engine, by its place in the list of engines; `None`: the whole run.
     pub engine: Option<usize>,
     /// What.
     pub text: String,
 }
 
-/// What a task has written down.
+/// An entry by a task.
 #[derive(Debug)]
 pub enum Entry {
     /// Something happened.
@@ -159,40 +159,40 @@ impl Notes {
         self.0.borrow_mut().push(Entry::Mark { at: Instant::now(), label: label.to_owned() });
     }
 
-    /// Takes what is there.
+    /// Takes all entries.
     pub fn take(&self) -> Vec<Entry> {
         self.0.take()
     }
 }
 
-/// What the tasks of one engine share.
+/// State shared by the tasks of one engine.
 #[derive(Debug)]
 pub struct EngineContext<'a> {
     /// Its place in the list of engines.
     pub index: usize,
     /// The engine.
     pub engine: &'a Engine,
-    /// How far its pilot has come.
+    /// Stage of its pilot.
     pub stage: Cell<Stage>,
-    /// What its pilot commands.
+    /// Command of its pilot.
     pub input: Cell<PilotInput>,
     /// Its pilot commands nothing.
     pub silent: Cell<bool>,
-    /// It was stopped by hand: its scenario commands it no more.
+    /// It was stopped by hand: its scenario no longer commands it.
     pub stopped: Cell<bool>,
     /// It was taken from its script, and is commanded by hand.
     pub played: Cell<bool>,
     /// When the last fault on its line ends.
     pub clean_from: Instant,
-    /// What goes wrong on its line.
+    /// Faults on its line.
     pub disturbances: RefCell<Disturbances>,
-    /// Holds the line against the commands.
+    /// Compares the line with the commands.
     pub audit: RefCell<Audit>,
     /// The bytes on the line, for views and files.
     pub tap: RefCell<Tap>,
-    /// How often the engine stopped although it was to run.
+    /// Number of times that the engine stopped although it was to run.
     pub stops: Cell<u32>,
-    /// What the pilot could not reach, from the moment on when it gave up.
+    /// What the pilot could not reach, once it has given up.
     pub failure: RefCell<Option<String>>,
     /// From the end of the last fault on its line until its link was up.
     pub recovered_after: Cell<Option<Duration>>,
@@ -200,7 +200,7 @@ pub struct EngineContext<'a> {
     pub violations: RefCell<Vec<LimitViolation>>,
     /// When each source last commanded standby.
     standbys: RefCell<Vec<(Origin, Nanos)>>,
-    /// For what may come in any number.
+    /// Limits notes that may come in any number.
     limiter: RefCell<Limiter>,
     notes: &'a Notes,
 }
@@ -230,14 +230,14 @@ impl<'a> EngineContext<'a> {
         }
     }
 
-    /// A fault of the line begins or ends; both wires are as all who disturb them want them.
+    /// A fault of the line begins or ends; the state of both wires combines all disturbances.
     pub fn disturb(&self, plug: &Plug<AnyEcu>, by: By, fault: Fault, begins: bool) {
         let mut all = self.disturbances.borrow_mut();
         let cut = [Direction::ToEcu, Direction::ToNode].map(|direction| (direction, all.is_cut(direction)));
         let line = all.line();
         all.set(Instant::now(), by, fault, begins);
         for (direction, before) in cut {
-            // Also a wire that is joined in the middle of a byte spoils it.
+            // A wire joined in the middle of a byte also spoils it.
             if all.is_cut(direction) != before {
                 plug.cut_one(direction, !before);
             }
@@ -247,21 +247,21 @@ impl<'a> EngineContext<'a> {
         }
     }
 
-    /// What `--faults` does to the line from now on.
+    /// Sets the effect of `--faults` on the line from now on.
     pub fn plan_faults(&self, plug: &Plug<AnyEcu>, line: LineFaults) {
         let mut all = self.disturbances.borrow_mut();
         all.plan(Instant::now(), line);
         plug.set_faults(all.line(), all.line());
     }
 
-    /// Takes what the line has recorded, for the audit and the tap.
+    /// Takes the recording of the line, for the audit and the tap.
     pub fn take_log(&self, plug: &Plug<AnyEcu>) {
         let log = plug.take_log();
         self.tap.borrow_mut().add(&log);
         self.audit.borrow_mut().look(&log);
     }
 
-    /// Sees whether the link is up again after the last fault.
+    /// Checks whether the link is up again after the last fault.
     pub fn watch_recovery(&self, telemetry: &Telemetry) {
         let last_rx = telemetry.last_rx.filter(|&last_rx| last_rx >= self.clean_from);
         if let (Some(last_rx), LinkState::Up, None) = (last_rx, telemetry.link, self.recovered_after.get())
@@ -271,7 +271,7 @@ impl<'a> EngineContext<'a> {
         }
     }
 
-    /// Reports to the audit what was commanded, and with what answer.
+    /// Reports a command and its answer to the audit.
     pub fn judge(&self, at: Nanos, order: Order, origin: Origin, answer: Result<Accepted, Rejected>) {
         let mut audit = self.audit.borrow_mut();
         if is_unfit(answer) {
@@ -320,7 +320,7 @@ impl<'a> EngineContext<'a> {
         self.notes.add(Some(self.index), text);
     }
 
-    /// Notes something that may come in any number: what is too much is counted.
+    /// Notes something that may come in any number; excess notes are only counted.
     pub fn note_limited(&self, text: String) {
         self.note_hidden(false);
         if self.limiter.borrow_mut().lets_through(Instant::now()) {
@@ -328,7 +328,7 @@ impl<'a> EngineContext<'a> {
         }
     }
 
-    /// Notes how much was not shown: when its time is over, or `at_the_end` at once.
+    /// Notes the number of hidden notes: when its time is over, or `at_the_end` at once.
     pub fn note_hidden(&self, at_the_end: bool) {
         let mut limiter = self.limiter.borrow_mut();
         if let Some(text) = if at_the_end { limiter.rest() } else { limiter.over(Instant::now()) } {
@@ -348,7 +348,7 @@ const fn is_unfit(answer: Result<Accepted, Rejected>) -> bool {
     )
 }
 
-/// Holds what was on the lines against what was commanded.
+/// Compares the lines with the commands.
 pub fn look(contexts: &[EngineContext<'_>], plugs: &[Plug<AnyEcu>]) {
     for (context, plug) in contexts.iter().zip(plugs) {
         context.take_log(plug);

@@ -1,4 +1,4 @@
-//! What steers a run: nothing, a script file, or a person at the keyboard.
+//! Control of a run: nothing, a script file, or a person at the keyboard.
 
 use super::context::Stage;
 use super::ending::EndRequest;
@@ -11,13 +11,13 @@ use sim::clock::Pace;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::Duration as WallDuration;
 
-/// While the run is paused, an end is looked for so often.
+/// Interval at which a paused run checks for its end.
 const LOOK_EVERY: WallDuration = WallDuration::from_millis(50);
-/// From the last action of a script file without an end to the end, where an engine was not given back: its stop was not
-/// released.
+/// Time from the last action of a script file without an end to the end of the run, if an engine was not given back
+/// because its stop was not released.
 const AFTER_LAST: Duration = Duration::from_secs(10);
 
-/// What the one who steers sees.
+/// Situation as the control sees it.
 #[derive(Debug)]
 pub struct Situation<'a> {
     /// The engine time.
@@ -30,14 +30,14 @@ pub struct Situation<'a> {
     pub played: bool,
 }
 
-/// What is to be done now.
+/// Actions to take now.
 #[derive(Debug, Default)]
 pub struct Turn {
     /// To these engines (`None`: to all).
     pub wishes: Vec<(Option<usize>, Wish)>,
     /// From now on at this pace.
     pub pace: Option<Pace>,
-    /// How the run passes, if that has changed.
+    /// The new passing of time, if it has changed.
     pub passing: Option<Passing>,
     /// The script file has come to its end: the verdict is shown, and a person decides what comes next.
     pub over: bool,
@@ -49,11 +49,11 @@ pub struct Turn {
 
 /// Steers a run. It is called ten times per second of engine time.
 pub trait Control {
-    /// What is to be done now. It may wait, and no engine time passes then.
+    /// Returns the actions to take now. It may wait; then no engine time passes.
     fn turn(&mut self, situation: &Situation<'_>) -> Turn;
 }
 
-/// The run goes its way, and ends with it.
+/// No control: the run takes its course to its end.
 #[derive(Clone, Copy, Debug)]
 pub struct Unattended;
 
@@ -72,7 +72,7 @@ pub struct Scripted {
 }
 
 impl Scripted {
-    /// These, in the order of time; and the end, if the run does not end by itself.
+    /// These actions, in the order of time; and the end, if the run has none of its own.
     pub fn new(actions: Vec<(Instant, Action)>, end: Option<Duration>) -> Self {
         Self { actions, next: 0, end: end.map(|end| Instant::MIN + end) }
     }
@@ -125,7 +125,7 @@ pub struct Live {
     stepping: bool,
     /// Something was done since the run was complete.
     continues: bool,
-    /// Its actions come beside those of the keys.
+    /// Its actions are combined with those of the keys.
     script: Option<Scripted>,
     /// The script file has come to its end, and nothing was done since.
     over: bool,
@@ -148,7 +148,7 @@ impl Live {
         }
     }
 
-    /// Plays a script file beside the keys. At its end no time passes until a key acts or ends the run.
+    /// Plays a script file along with the keys. At its end no time passes until a key acts or ends the run.
     pub fn with_script(self, script: Scripted) -> Self {
         Self { script: Some(script), ..self }
     }
@@ -211,7 +211,7 @@ impl Control for Live {
         }
         turn.end |= self.end.requested().is_some();
         turn.again = paused;
-        // What has to be shown or done first is shown or done first.
+        // Pending actions and changes come first.
         if paused && !turn.end && turn.wishes.is_empty() && turn.passing.is_none() {
             match self.requests.recv_timeout(LOOK_EVERY) {
                 Ok(request) => {

@@ -1,5 +1,5 @@
 //! The CSV file: one row for each engine and sample. It is written directly and flushed every second, so that it can be
-//! read during the run, and a kill loses a second.
+//! read during the run, and a kill loses 1 s at most.
 
 use super::audit::WireCommand;
 use super::context::{Note, PilotInput};
@@ -39,7 +39,7 @@ impl Csv {
         Ok(Self { path: path.to_owned(), file, has_head: false, flushed, happened: Vec::new() })
     }
 
-    /// Something happened: the next row of its engine has it.
+    /// Something happened: the next row of its engine contains it.
     pub fn note(&mut self, note: &Note) {
         self.happened.push((note.engine, note.text.clone()));
     }
@@ -65,7 +65,7 @@ impl Csv {
         self.flush_in_time()
     }
 
-    /// Hands rows to the file when it is time, whether more come or not: a run may be paused, or its verdict stand.
+    /// Writes rows to the file when it is time, even without new ones: the run may be paused or show its verdict.
     pub fn flush_in_time(&mut self) -> Result<(), ShowError> {
         if self.flushed.elapsed() < FLUSH_EVERY {
             return Ok(());
@@ -84,7 +84,7 @@ impl Csv {
         flushed.map_err(|error| self.failed(error))
     }
 
-    /// A pipe's reader that has had enough ends the run, as one of the lines does.
+    /// A pipe's reader that closes it ends the run, as for the lines.
     fn failed(&self, error: io::Error) -> ShowError {
         if reader_left(&error) {
             ShowError::Screen(error)
@@ -94,7 +94,7 @@ impl Csv {
     }
 }
 
-/// What happened to this engine, in a cell without commas. What concerns all engines is with the first.
+/// Events of this engine, in a cell without commas. Events of all engines are in the first engine's row.
 fn events(happened: &[(Option<usize>, String)], engine: usize) -> String {
     let of_engine = happened.iter().filter(|(of, _)| of.unwrap_or(0) == engine);
     let texts = of_engine.map(|(of, text)| {
@@ -104,7 +104,7 @@ fn events(happened: &[(Option<usize>, String)], engine: usize) -> String {
     texts.collect::<Vec<_>>().join(" | ")
 }
 
-/// What the ECU reports to be wrong, in a cell without commas.
+/// Faults reported by the ECU, in a cell without commas.
 fn faults(sample: &Sample) -> String {
     let faults = sample.faults.filter(|faults| !faults.is_empty());
     faults.map_or_else(String::new, |faults| faults.to_string().replace(',', ";"))

@@ -1,5 +1,5 @@
-//! What goes wrong on the line of an engine because somebody wants it to: by hand, by `--faults`, in a scenario. Whatever one of
-//! them cuts stays cut until all have joined it again; and a played run is not judged by what a fault explains.
+//! Deliberate faults on an engine's line: by hand, by `--faults`, in a scenario. A wire cut by one of them stays cut until all
+//! have joined it again; and a fault excuses its effects when a played run is judged.
 
 use super::faults::Faults;
 use super::play::action::Fault;
@@ -25,16 +25,16 @@ pub enum By {
 /// The faults of one engine's line.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct Disturbances {
-    /// Those that last now.
+    /// The present faults.
     lasting: Vec<(By, Fault)>,
-    /// The end of what those before may explain.
+    /// Time until which earlier faults may explain effects.
     explained_until: Option<Instant>,
-    /// What `--faults` does to a line.
+    /// Effect of `--faults` on a line.
     planned: LineFaults,
 }
 
 impl Disturbances {
-    /// A fault begins or ends. One that is there cannot begin, and one that is not there cannot end: false.
+    /// A fault begins or ends. False: it is already present, or not present.
     pub fn set(&mut self, at: Instant, by: By, fault: Fault, begins: bool) -> bool {
         let place = self.lasting.iter().position(|&other| other == (by, fault));
         match (place, begins) {
@@ -48,7 +48,7 @@ impl Disturbances {
         true
     }
 
-    /// What `--faults` does to a line, from now on.
+    /// Effect of `--faults` on a line, from now on.
     pub fn plan(&mut self, at: Instant, line: LineFaults) {
         self.planned = line;
         self.set(at, By::Plan, Fault::Noise, line != LineFaults::default());
@@ -59,7 +59,7 @@ impl Disturbances {
         self.explained_until = self.explained_until.max(Some(at + DOUBT));
     }
 
-    /// Whether a fault explains what is missed now.
+    /// Whether a fault explains a miss now.
     pub fn explain(&self, at: Instant) -> bool {
         !self.lasting.is_empty() || self.explained_until.is_some_and(|until| at <= until)
     }
@@ -73,7 +73,7 @@ impl Disturbances {
         self.lasting.iter().any(|&(_, fault)| fault == Fault::Cut || fault == one)
     }
 
-    /// What goes wrong at random: by hand more than by any plan.
+    /// Random faults: those by hand exceed any plan.
     pub fn line(&self) -> LineFaults {
         if self.lasting.contains(&(By::Hand, Fault::Noise)) { Faults::heavy() } else { self.planned }
     }
@@ -92,12 +92,12 @@ mod tests {
         let mut all = Disturbances::default();
         assert!(!all.explain(at(1)));
         all.set(at(1), By::Hand, Fault::Cut, true);
-        // Once more, and ended once: it is no more.
+        // Begun twice, and ended once: it has ended.
         all.set(at(2), By::Hand, Fault::Cut, true);
         assert!(all.explain(at(100)));
         all.set(at(100), By::Hand, Fault::Cut, false);
         assert!(all.explain(at(112)) && !all.explain(at(113)));
-        // What is not there cannot end.
+        // A fault that is not present cannot end.
         all.set(at(200), By::Hand, Fault::Noise, false);
         all.set(at(200), By::Scenario, Fault::Cut, false);
         assert!(!all.explain(at(200)));

@@ -44,12 +44,12 @@ impl EndedBy {
 /// The request to end the run, shared by all who may make it.
 #[derive(Clone, Debug, Default)]
 pub struct EndRequest {
-    /// 0 for none, else the place in [`EndedBy::ALL`], counted from 1: a signal handler can store no more.
+    /// 0 for none, otherwise the place in [`EndedBy::ALL`], counted from 1: a signal handler can store nothing else.
     code: Arc<AtomicUsize>,
 }
 
 impl EndRequest {
-    /// From here on the signals that end a program request the end of the run, but for those that are ignored.
+    /// From here on, signals that end a program request the end of the run, except ignored ones.
     pub fn by_signals() -> Result<Self, String> {
         let request = Self::default();
         for (signal, by) in signals() {

@@ -25,12 +25,12 @@ pub const ALL: &str = "all";
 /// More would not fit the table on a terminal; a board has fewer ports.
 pub const MOST_ENGINES: usize = 8;
 
-/// One engine: how the node is configured for it, and what hangs on the line.
+/// One engine: its configuration in the node, and the device on its line.
 #[derive(Clone, Copy, Debug)]
 pub struct Engine {
-    /// What the node gets.
+    /// Configuration for the node.
     pub config: EngineConfig,
-    /// What is simulated.
+    /// The simulated ECU.
     pub ecu: Ecu,
 }
 
@@ -67,7 +67,7 @@ impl Engine {
         Ok(())
     }
 
-    /// Interval of the node's send slots; `None` where it only replies to frames of its ECU (AMT).
+    /// Interval of the node's send slots; `None` if it only replies to frames of its ECU (AMT).
     pub fn cadence(&self) -> Option<Nanos> {
         self.ecu.cadence()
     }
@@ -160,7 +160,7 @@ impl Ecu {
     }
 }
 
-/// The engines that these descriptions give; the default ones when there are none.
+/// The engines of these descriptions; without any, the default ones.
 pub fn engines(descriptions: &[String]) -> Result<Vec<Engine>, String> {
     let engines = if descriptions.is_empty() {
         DEFAULT.iter().enumerate().map(|(i, text)| engine(i, text)).collect::<Result<Vec<_>, _>>()?

@@ -1,11 +1,11 @@
-//! What goes wrong in a run and when: `--faults`.
+//! Faults of a run and their times: `--faults`.
 
 use super::engines::Engine;
 use super::quantity::{duration, share};
 use embassy_time::{Duration, Instant};
 use sim::wire::Faults as LineFaults;
 
-/// What goes wrong in a run.
+/// Faults of a run.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct Faults {
     /// On every line, both ways.
@@ -31,7 +31,7 @@ pub struct Cut {
     pub length: Duration,
 }
 
-/// How an engine fails by itself.
+/// Failure of an engine.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Failure {
     /// Every start gets too hot.
@@ -58,7 +58,7 @@ const SMALLEST_NOISE: f64 = 0.000_004;
 
 /// About one byte in a thousand each is damaged, lost, added or breaks its frame.
 const LIGHT: &str = "noise=0.001,lose=0.001,add=0.001,framing=0.001,jitter=0.5ms";
-/// About one byte in twelve suffers, and some come late.
+/// About one byte in twelve is affected, and some come late.
 const HEAVY: &str = "noise=0.03,lose=0.02,add=0.02,framing=0.02,jitter=3ms";
 
 impl Faults {
@@ -75,7 +75,7 @@ impl Faults {
         Ok(faults)
     }
 
-    /// Whether they contradict one another, or one cannot act in any run.
+    /// Checks that they do not contradict one another, and that each can act in some run.
     fn agree(&self, text: &str, engines: &[Engine]) -> Result<(), String> {
         let of_lines = |part: &str| {
             let key = part.split('=').next().unwrap_or_default();
@@ -177,7 +177,7 @@ impl Faults {
         Ok(())
     }
 
-    /// What `heavy` does to a line.
+    /// Effect of `heavy` on a line.
     pub fn heavy() -> LineFaults {
         let mut faults = Self::default();
         // The set is good: the tests read it.
@@ -204,7 +204,7 @@ impl Faults {
     }
 }
 
-/// What has one value is given once; what a set gives may be changed.
+/// A fault with a single value is given only once; values of a set may be changed.
 fn given_once(text: &str) -> Result<(), String> {
     let mut seen: Vec<&str> = Vec::new();
     for part in text.split(',') {
@@ -221,7 +221,7 @@ fn given_once(text: &str) -> Result<(), String> {
     Ok(())
 }
 
-/// A time of milliseconds or seconds, which names its unit: elsewhere a number alone means seconds.
+/// A time in milliseconds or seconds, with its unit: elsewhere a number alone means seconds.
 fn nanos(fault: &str, text: &str) -> Result<u64, String> {
     let time = duration(text)?;
     if text.ends_with(|c: char| c.is_ascii_digit()) {

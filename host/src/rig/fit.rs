@@ -1,6 +1,6 @@
-//! Texts for the room that there is.
+//! Fits texts into the available width.
 
-/// The text in at most this width. What is left out is at its end, whole words where that leaves half of it, and marked.
+/// The text in at most this width. The end is left out and marked, in whole words if half of the width remains.
 pub fn elided(text: &str, width: usize, mark: char) -> String {
     if text.chars().count() <= width {
         return text.to_owned();
@@ -40,7 +40,7 @@ const UNITS: [&str; 19] = [
     "L", "L/min",
 ];
 
-/// The words of a text, each with the spaces behind it. A number is one word with its unit, and with its groups of digits.
+/// The words of a text, each with the spaces after it. A number is one word with its unit, and with its groups of digits.
 fn words(text: &str) -> Vec<String> {
     let mut words: Vec<String> = Vec::new();
     for word in text.split_inclusive(' ') {
@@ -73,7 +73,7 @@ pub fn wrapped(text: &str, width: usize, indent: usize, mark: char) -> Vec<Strin
     lines.into_iter().map(|line| elided(line.trim_end(), width, mark)).collect()
 }
 
-/// The text for a terminal that knows ASCII alone.
+/// The text for an ASCII-only terminal.
 pub fn ascii(text: &str) -> String {
     let ascii = |c: char| match c {
         '°' => None,

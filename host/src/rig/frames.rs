@@ -1,4 +1,4 @@
-//! Frames out of the bytes on a line, as the wire view shows them: both ways, with their times and their content.
+//! Frames from the bytes on a line, as the wire view shows them: both ways, with their times and their content.
 
 use super::engines::Engine;
 use super::tap::received;
@@ -12,7 +12,7 @@ use std::collections::VecDeque;
 
 /// Bytes of one frame of the node follow each other.
 const LONGEST_GAP: Nanos = 5 * MILLIS;
-/// Frames that are kept.
+/// Number of frames that are kept.
 const KEPT: usize = 200;
 /// Bytes without a frame that are shown in one piece.
 const LONGEST_SKIP: usize = 8;
@@ -26,11 +26,11 @@ pub struct Frame {
     pub from: Nanos,
     /// Its last stop bit.
     pub to: Nanos,
-    /// As the receiver got it; of the node, as it was sent.
+    /// As received; frames of the node, as sent.
     pub bytes: Vec<u8>,
-    /// Its content in words; `None`: it is no frame, and was skipped.
+    /// Its content in words; `None`: it is not a frame, and was skipped.
     pub text: Option<String>,
-    /// What came of it at the other end.
+    /// Its fate at the other end.
     pub arrival: Arrival,
 }
 
@@ -52,7 +52,7 @@ pub struct Reply {
     pub from: Nanos,
     /// Its last stop bit.
     pub to: Nanos,
-    /// What came of it at the ECU.
+    /// Its fate at the ECU.
     pub arrival: Arrival,
 }
 
@@ -63,7 +63,7 @@ pub struct Frames {
     decoder: Box<dyn Decoder>,
     /// Bytes from the ECU that belong to no frame yet.
     pending: VecDeque<Entry>,
-    /// The frame of the node under way.
+    /// The frame that the node is sending.
     command: Vec<Entry>,
     kept: VecDeque<Frame>,
 }
@@ -86,7 +86,7 @@ impl Frames {
         self.kept.iter().skip(self.kept.len().saturating_sub(count))
     }
 
-    /// Takes what the line has recorded.
+    /// Takes the recording of the line.
     pub fn add(&mut self, entries: &[Entry]) {
         for entry in entries {
             match entry.direction {
@@ -125,7 +125,7 @@ impl Frames {
             Some((length, text)) => (length, Some(text)),
             None => (self.decoder.pending(), None),
         };
-        // What came before the frame, or before the one begun, belongs to none.
+        // Bytes before the frame, or before the one begun, belong to none.
         let skipped = self.pending.len().saturating_sub(length);
         if skipped >= LONGEST_SKIP || (skipped > 0 && text.is_some()) {
             let bytes: Vec<Entry> = self.pending.drain(..skipped).collect();
@@ -152,7 +152,7 @@ impl Frames {
     }
 }
 
-/// A frame of an AMT ECU with the reply to it, for the window; `None` where there is none yet.
+/// A frame of an AMT ECU with the reply to it, for the window; `None` if there is none yet.
 pub fn last_window(frames: &[&Frame]) -> Option<Option<Reply>> {
     let replies = |end: Nanos| {
         let reply = frames.iter().find(|frame| frame.direction == Direction::ToEcu && frame.from >= end);

@@ -1,9 +1,9 @@
-//! Holds back what may come in any number, and counts it.
+//! Limits notes that may come in any number, and counts the rest.
 
 use super::quantity::seconds;
 use embassy_time::{Duration, Instant};
 
-/// What is let through in [`SPAN`].
+/// Number that passes in [`SPAN`].
 const MOST: u32 = 6;
 /// See [`MOST`].
 const SPAN: Duration = Duration::from_secs(10);

@@ -1,4 +1,4 @@
-//! Plain lines, for an output that is not a terminal and for runs that are faster than a person reads.
+//! Plain lines, for an output that is not a terminal and for runs faster than a person reads.
 
 use super::context::Note;
 use super::engines::ALL;
@@ -30,7 +30,7 @@ pub struct Lines {
     next: Instant,
     rates: Rates,
     lines: u32,
-    /// Columns of what they go to.
+    /// Columns of the output.
     width: usize,
 }
 

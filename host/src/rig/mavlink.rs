@@ -26,7 +26,7 @@ const UART_BAUD: u32 = 57_600;
 /// How long a restart by command takes.
 const RESTART: Reset = Reset { away: Duration::from_millis(50), cause: Cause::Watchdog };
 
-/// What a port carries. A port that only this computer can reach counts as USB: with a key, nothing has to be signed there.
+/// What a port carries. A port that only this computer can reach counts as USB: even with a key, nothing has to be signed there.
 fn config(address: &Address) -> PortConfig {
     match address {
         Address::TcpIn(_) | Address::UdpIn(_) if address.is_this_computer() => PortConfig::usb(),

@@ -1,4 +1,4 @@
-//! What goes from the engines to whatever shows them.
+//! Messages from the engines to the display.
 
 use super::context::{Entry, Note};
 use super::outcome::Outcomes;
@@ -6,7 +6,7 @@ use super::passing::Passing;
 use super::sample::{Detail, Sample};
 use embassy_time::Instant;
 
-/// From the engines to whatever shows them.
+/// A message from the engines to the display.
 #[derive(Clone, Debug)]
 pub enum Message {
     /// Every [`SAMPLE_EVERY`](super::sample::SAMPLE_EVERY): all engines.

@@ -1,4 +1,4 @@
-//! `jetlink rig`: the node, the very code of the firmware, against simulated engines.
+//! `jetlink rig`: the node, with the firmware's own code, against simulated engines.
 
 mod audit;
 mod capture;
@@ -203,7 +203,7 @@ fn files(args: &Args, order: &Order, names: &[&'static str], end: &EndRequest) -
         (args.plot.is_some() || args.report.is_some()).then(|| Chronicle::new(title, subjects.collect()));
     let plot = args.plot.as_deref().map(|path| Plot::new(path, args.dark, end));
     let capture = args.capture.as_deref().map(|folder| Capture::create(folder, names, end)).transpose()?;
-    // The last: what it held before is gone with this.
+    // Last, as this deletes its previous contents.
     let csv = args.csv.as_deref().map(|path| Csv::create(path, end)).transpose()?;
     Ok(Files { names: names.to_vec(), csv, chronicle, plot, capture })
 }
@@ -257,7 +257,7 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
     let report = args.report.as_deref().map(|path| Report::new(path, about, &end));
     let files = match (files(args, order, &names, &end), end.requested()) {
         (Ok(files), _) => files,
-        // Nothing has run yet: it was ended while it waited for the reader of a FIFO.
+        // Nothing has run yet: it was ended while waiting for the reader of a FIFO.
         (Err(error), Some(by)) => {
             complain(&error);
             return Ok(ExitCode::from(by.status()));
@@ -268,7 +268,7 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
     let Place { out, is_terminal, theme, .. } = place;
     let scripted: Vec<Act> =
         order.script.iter().flat_map(|(actions, _)| actions).map(|(_, action)| action.act).collect();
-    // The last of all: from here on the terminal may not be as it was.
+    // Last of all: from here on the terminal's state may change.
     let (shown, mut control) = stage(args, order, &names, &place, &end);
     let show = Show { shown, files };
 
@@ -282,7 +282,7 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
         (outcomes, shower.join().unwrap_or_else(|_| Ended::panicked()))
     });
 
-    // A request in the last moment ends nothing any more.
+    // A request at the last moment has no effect.
     let ended_by = end
         .requested()
         .filter(|by| outcomes.end == End::Interrupted || (outcomes.is_played() && *by != EndedBy::Key));
@@ -303,7 +303,7 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
     if let Ok(Some(saved)) = &saved {
         text += &format!("To play it again: cargo rig --script {} --fast\n", output::quoted(saved));
     }
-    // Whatever could not be written: what is known of the run is printed, but where nobody can read it.
+    // Even if something could not be written, the known results are printed, unless nobody can read them.
     let printed = match &shown.error {
         Some(ShowError::Screen(_)) => Ok(()),
         Some(ShowError::File(_) | ShowError::Panicked) | None => {
@@ -333,8 +333,8 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
     })
 }
 
-/// Writes what was done to the requested file; without one, and if a key has acted, to one of its own. `scripted`: what the script
-/// file did that was played.
+/// Writes the actions to the requested file; without one, and if a key has acted, to a new file. `scripted`: the actions of the
+/// played script file.
 fn save_script(
     args: &Args,
     order: &Order,

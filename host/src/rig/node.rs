@@ -1,7 +1,7 @@
-//! The node of a run, as all others see it: it can be reset, and is then away for a while.
+//! The node of a run, as other code sees it: it can be reset, and is then away for a while.
 //!
-//! The tasks that own the lines live and die with the [`Channel`]s. All other code reads here, and gets what was
-//! known last while the node is away.
+//! The tasks that own the lines live and die with the [`Channel`]s. All other code reads here, and gets the last
+//! known state while the node is away.
 
 use super::engines::{Engine, MOST_ENGINES};
 use embassy_time::Duration;
@@ -50,7 +50,7 @@ pub struct Node<'a> {
     engines: &'a [Engine],
     /// Their configuration at the next start, where it was changed.
     configs: RefCell<Vec<Option<EngineConfig>>>,
-    /// What a reset leaves alone.
+    /// Memory that survives a reset.
     memory: &'static [RetainedMemory],
     channels: RefCell<Option<Rc<[Channel]>>>,
     last: RefCell<Vec<Telemetry>>,
@@ -62,7 +62,7 @@ pub struct Node<'a> {
     output_settings: Cell<[OutputSettings; MOST_ENGINES]>,
     /// What changed of them, until it is taken.
     changes: RefCell<Vec<(usize, Change)>>,
-    /// What was counted until the last reset.
+    /// Counters up to the last reset.
     before: RefCell<Vec<Counters>>,
     wanted: Cell<Option<Reset>>,
     /// What caused the last reset.
@@ -91,7 +91,7 @@ impl<'a> Node<'a> {
             rejected_at_start: RefCell::new(vec![0; engines.len()]),
         };
         node.boot();
-        // The run starts it again: what its outputs are would be reported twice.
+        // The run starts it again: otherwise its outputs would be reported twice.
         node.changes.take();
         node
     }
@@ -142,7 +142,7 @@ impl<'a> Node<'a> {
         }
     }
 
-    /// It is no more: the last of its channels goes with the caller's.
+    /// It has ended: the caller drops the last of its channels.
     pub fn gone(&self, reset: Reset) {
         self.look();
         self.channels.replace(None);
@@ -169,19 +169,19 @@ impl<'a> Node<'a> {
         self.channels.borrow().is_some()
     }
 
-    /// What is known of an engine; while the node is away, what was known last. The node begins to count again when
-    /// it was reset: here the counts continue.
+    /// State of an engine; while the node is away, the last known one. The node restarts its counts at a reset:
+    /// here they continue.
     pub fn telemetry(&self, engine: usize) -> Telemetry {
         self.look();
         let mut telemetry = self.last.borrow()[engine];
         telemetry.counters = sum(&self.before.borrow()[engine], &telemetry.counters);
-        // Those of its first moments are not the fault of a source.
+        // Commands rejected in its first moments are not a source's fault.
         let at_start = self.rejected_at_start.borrow()[engine];
         telemetry.counters.commands_rejected = telemetry.counters.commands_rejected.saturating_sub(at_start);
         telemetry
     }
 
-    /// Fuel valve and power of an engine; while the node is away, as they were: the wiring holds them.
+    /// Fuel valve and power of an engine; while the node is away, they stay unchanged: the wiring holds them.
     pub fn outputs(&self, engine: usize) -> Outputs {
         self.look();
         self.outputs.borrow()[engine]
@@ -240,7 +240,7 @@ impl<'a> Node<'a> {
         Some(answer)
     }
 
-    /// What keeps a run of this source from starting an engine now; `None` while the node is away. Without a demand: at idle.
+    /// Reasons why a run of this source would not start an engine now; `None` while the node is away. Without a demand: at idle.
     pub fn start_refusals(
         &self,
         engine: usize,
@@ -273,7 +273,7 @@ impl<'a> Node<'a> {
     }
 }
 
-/// What was counted before a reset and since.
+/// Adds the counters from before a reset and since.
 fn sum(before: &Counters, since: &Counters) -> Counters {
     Counters {
         frames: before.frames.saturating_add(since.frames),

@@ -1,9 +1,9 @@
-//! Where text for people goes: to the standard output, unless a file of the run goes there.
+//! Destination of text for people: the standard output, unless a file of the run uses it.
 
 use super::fit::ascii;
 use std::io::{self, ErrorKind, Write};
 
-/// Where, and in which characters.
+/// Destination and character set.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Out {
     /// Where.
@@ -41,7 +41,7 @@ impl Out {
         }
     }
 
-    /// That it takes nothing, for people.
+    /// Error message for a failed write.
     pub fn cannot_write(self, error: &io::Error) -> String {
         let name = match self.to {
             Stream::Stdout => "standard output",
@@ -51,7 +51,7 @@ impl Out {
     }
 }
 
-/// Whoever read the output has had enough of it, as `head` does: that is no failure of ours.
+/// Whether the reader has closed the output, as `head` does: not a failure.
 pub fn reader_left(error: &io::Error) -> bool {
     error.kind() == ErrorKind::BrokenPipe
 }

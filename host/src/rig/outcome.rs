@@ -8,16 +8,16 @@ use jetlink::report::{Counters, LinkState};
 use jetlink_rc::reception::Reception;
 use sim::ecu::Counts;
 
-/// What had to happen, and whether it did.
+/// An expected event, and whether it occurred.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Check {
     /// What.
     pub what: String,
-    /// It did.
+    /// It occurred.
     pub held: bool,
 }
 
-/// What came of one engine.
+/// Outcome of one engine.
 #[derive(Clone, Debug)]
 pub struct Outcome {
     /// A pilot flies its script; else MAVLink or radio control commands it.
@@ -28,11 +28,11 @@ pub struct Outcome {
     pub has_reply_window: bool,
     /// What the pilot did not reach; `None` when it was cut short.
     pub flown: Option<Result<(), String>>,
-    /// Something was done to it by hand: what no pilot can cause.
+    /// Verdict if it was played by hand: on events that no pilot can cause.
     pub played: Option<Verdict>,
     /// What the node has counted.
     pub node: Counters,
-    /// Commands that the node rejected, but for those of its first moments, when it listens only.
+    /// Commands that the node rejected, except in its first moments, when it only listens.
     pub commands_rejected: u32,
     /// Whether the link is up at the end.
     pub link: LinkState,
@@ -44,9 +44,9 @@ pub struct Outcome {
     pub stops: u32,
     /// From the end of the last fault until the link was up.
     pub recovered_after: Option<Duration>,
-    /// Nothing ever was wrong with the line.
+    /// The line never had a fault.
     pub line_was_clean: bool,
-    /// The turbine turns and burns no more, by its own account.
+    /// Whether the simulated turbine is starting or running.
     pub is_live: bool,
 }
 
@@ -63,7 +63,7 @@ pub enum End {
     Panicked(String),
 }
 
-/// What came of a run.
+/// Outcome of a run.
 #[derive(Clone, Debug)]
 pub struct Outcomes {
     /// Of each engine.
@@ -72,13 +72,13 @@ pub struct Outcomes {
     pub length: Duration,
     /// How it ended.
     pub end: End,
-    /// What had to happen in a scenario, and whether it did.
+    /// Expected events of a scenario, and whether they occurred.
     pub checks: Vec<Check>,
     /// Frames that each ECU of a scenario may have received damaged.
     pub bad_commands: u64,
     /// What was done by hand.
     pub actions: Vec<(Instant, Action)>,
-    /// What came of all that a receiver of radio control has sent, if there was one.
+    /// Reception of radio control, if there was a receiver.
     pub reception: Option<Reception>,
     /// A scenario was played.
     pub is_scenario: bool,

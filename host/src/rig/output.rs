@@ -1,4 +1,4 @@
-//! The files that a run writes: all of them are checked before it begins, and none is touched before all are good.
+//! The files that a run writes: all are checked before it begins, and none is changed before all are good.
 
 use super::ending::EndRequest;
 use super::waiting;
@@ -6,7 +6,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
-/// Names that are tried for a file that nobody has named.
+/// Number of names that are tried for a file without a given name.
 const NEW_NAMES: u32 = 1000;
 
 /// A file named on the command line.
@@ -38,7 +38,7 @@ pub enum Kind {
 pub enum Problem {
     /// The command line is wrong.
     Option(String),
-    /// The file or its folder takes nothing.
+    /// The file or its folder cannot be written.
     File(String),
 }
 
@@ -67,7 +67,7 @@ pub fn check(wanted: &[Wanted]) -> Result<(), Problem> {
                 path.with_extension(ending).display()
             )));
         }
-        // What lies in a folder needs it to be one.
+        // A file in a folder requires that the folder is one.
         let (own, before) = (place(&one.path), wanted.iter().take(i));
         let is_folder = |of: &&Wanted| {
             of.kind != Kind::InFolder && own != place(&of.path) && own.starts_with(place(&of.path))
@@ -100,7 +100,7 @@ pub fn check(wanted: &[Wanted]) -> Result<(), Problem> {
             Kind::Read => Ok(()),
             Kind::Direct => can_write(Path::new(&one.path)),
             Kind::Whole(_) => can_write(Path::new(&one.path)).and_then(|()| can_replace(&one.path)),
-            // In a folder that is still to be made nothing can be lost.
+            // Nothing can be lost in a folder that does not exist yet.
             Kind::InFolder if Path::new(&one.path).parent().is_some_and(is_missing) => Ok(()),
             Kind::InFolder => can_write(Path::new(&one.path)),
         };
@@ -109,12 +109,12 @@ pub fn check(wanted: &[Wanted]) -> Result<(), Problem> {
     Ok(())
 }
 
-/// That a file takes nothing, for people.
+/// Error message for a file that cannot be written.
 pub fn cannot_write(path: &str, error: &io::Error) -> String {
     format!("cannot write {path}: {error}")
 }
 
-/// Writes a file that nobody has named: a new one, whatever is there by this name and by those that follow it.
+/// Writes a file without a given name: always a new one, even if this name and the following ones exist.
 pub fn write_new(folder: &Path, name: &str, ending: &str, text: &str) -> Result<PathBuf, String> {
     let mut path = folder.join(format!("{name}.{ending}"));
     for number in 2..=NEW_NAMES {
@@ -183,7 +183,7 @@ const fn is_of_stdout(_: &str) -> bool {
     false
 }
 
-/// Only what a name refers to is known of a file here.
+/// Here files can be compared only by their paths.
 #[cfg(not(unix))]
 const fn is_one_file(_: &str, _: &str) -> bool {
     false
@@ -207,7 +207,7 @@ fn can_write(path: &Path) -> io::Result<()> {
     match fs::metadata(path) {
         Ok(found) if found.is_dir() => Err(io::Error::from(ErrorKind::IsADirectory)),
         Ok(found) if found.is_file() => OpenOptions::new().write(true).open(path).map(drop),
-        // To open a FIFO waits for its reader.
+        // Opening a FIFO waits for its reader.
         Ok(_) => Ok(()),
         Err(error) if error.kind() == ErrorKind::NotFound => {
             if let Ok(target) = fs::read_link(path) {
@@ -239,7 +239,7 @@ impl Whole {
     /// Writes it.
     pub fn finish(self, text: &str) -> Result<(), String> {
         let written = match &self.part {
-            // A link stays one: what it points to is replaced.
+            // A link stays a link: its target is replaced.
             Some(part) => {
                 let target = fs::canonicalize(&self.path).unwrap_or_else(|_| PathBuf::from(&self.path));
                 write_as(part, text, &target).and_then(|()| fs::rename(part, target))
@@ -255,7 +255,7 @@ impl Whole {
     }
 }
 
-/// Writes a file that only those may read who may read the one that it replaces.
+/// Writes a file with the read permissions of the one that it replaces.
 fn write_as(part: &Path, text: &str, target: &Path) -> io::Result<()> {
     let mut file = File::create(part)?;
     if let Ok(before) = fs::metadata(target) {

@@ -1,10 +1,10 @@
-//! The pilot of one engine: takes it through standby, start, idle, steps, shutdown and cooling, and judges
-//! by what the ECU reports whether each was reached.
+//! The pilot of one engine: takes it through standby, start, idle, steps, shutdown and cooling, and judges by
+//! the ECU's reports whether each was reached.
 //!
 //! It commands as any source does, through a `Handle`, ten times a second. When an engine stops although it
-//! is to run, and its line was disturbed, the pilot starts it again by standby and run; on a clean line that
-//! is the end of the run for this engine, unless its flame was put out. A start that an interlock refuses is
-//! commanded again: another engine of the group may be starting, or the exhaust still be hot.
+//! should run, and its line was disturbed, the pilot starts it again by standby and run; on a clean line the
+//! run ends for this engine, unless its flame was put out. A start that an interlock refuses is commanded
+//! again: another engine of the group may be starting, or the exhaust still be hot.
 
 use super::context::{EngineContext, PilotInput, Stage};
 use super::faults::{Failure, Faults};
@@ -36,16 +36,16 @@ const STEP: Duration = Duration::from_secs(10);
 const STEADY_TICKS: usize = 10;
 /// EGT, in tenths of a degree, below which an engine is cool.
 const COOL: i16 = 1000;
-/// What a source that falls silent in the middle of the run leaves out.
+/// Duration of a source's silence in the middle of the run.
 const SILENCE: Duration = Duration::from_secs(6);
 /// Between the end of a silence and the engine's obedience.
 const FOLLOWS_WITHIN: Duration = Duration::from_secs(15);
-/// Demands before a silence, in percent: the fall to idle is to be seen.
+/// Demands before a silence, in percent: the fall to idle has to be visible.
 const BEFORE_SILENCE: [u8; 2] = [80, 60];
 /// Slower than this the shaft counts as stopped.
 const AT_REST_RPM: u32 = 1000;
 
-/// Why something was not waited for to the end.
+/// Why a wait ended early.
 #[derive(Clone, Copy, Debug)]
 enum Cut {
     /// The time is over.
@@ -66,7 +66,7 @@ pub struct Pilot<'a> {
     rng: fastrand::Rng,
     /// When the last fault on the line ends.
     clean_from: Instant,
-    /// How often its flame is put out in this run.
+    /// Number of times that its flame is put out in this run.
     flame_outs: usize,
     /// When its source is to fall silent.
     silent_at: Option<Instant>,
@@ -98,7 +98,7 @@ impl<'a> Pilot<'a> {
         }
     }
 
-    /// Does it all. Gives what was not reached.
+    /// Flies the whole plan. The error states what was not reached.
     pub async fn fly(&mut self) -> Result<(), String> {
         let result = if self.standby_only { self.stand_by().await } else { self.whole_run().await };
         match &result {
@@ -182,7 +182,7 @@ impl<'a> Pilot<'a> {
             Cut::Refused(why) => format!("standby was refused: {why}"),
             Cut::TimeUp | Cut::Stopped => format!("not ready for a start in time: {}", self.describe()),
         })?;
-        // A node takes two reports of the version before it commands a speed.
+        // A node needs two reports of the version before it commands a speed.
         self.hold(Instant::now() + TICK * 10).await;
         if !self.standby_only {
             self.hold(self.plan.start_at).await;
@@ -239,7 +239,7 @@ impl<'a> Pilot<'a> {
                 Err(Cut::Refused(Rejected::Start(Interlock::OtherStarting))) if Instant::now() < limit => {
                     ticker.next().await;
                 }
-                // A refusal has used the permission up: standby once more.
+                // A refusal has used up the permission: standby once more.
                 Err(Cut::Refused(Rejected::Start(_)) | Cut::Stopped) if Instant::now() < limit => {
                     let _ = self.command(PilotInput::Standby);
                     ticker.next().await;
@@ -406,7 +406,7 @@ impl<'a> Pilot<'a> {
         }
     }
 
-    /// Holds the input until this has come, or the time is over, or the engine stops.
+    /// Holds the input until `come` returns a value, the time is over, or the engine stops.
     async fn keep<T>(&self, until: Instant, mut come: impl FnMut(&Telemetry) -> Option<T>) -> Result<T, Cut> {
         let input = self.context.input.get();
         let mut ticker = Ticker::every(TICK);

@@ -1,4 +1,4 @@
-//! When each engine is started and shut down, reckoned from its turbine's own times.
+//! When each engine is started and shut down, calculated from its turbine's times.
 
 use super::engines::Engine;
 use super::faults::{Failure, Faults};
@@ -10,11 +10,11 @@ use embassy_time::{Duration, Instant};
 const USUAL_LENGTH: Duration = Duration::from_secs(180);
 /// The first start.
 const FIRST_START: Duration = Duration::from_secs(3);
-/// The least time of an engine between its start and its shutdown.
+/// Shortest time of an engine between its start and its shutdown.
 pub const LEAST_RUNNING: Duration = Duration::from_secs(20);
 /// Between the end of the faults and the first shutdown, to see that all recovers.
 const RECOVERY: Duration = Duration::from_secs(15);
-/// The least length of a run without a start.
+/// Shortest length of a run without a start.
 const SHORTEST_STANDBY: Duration = Duration::from_secs(2);
 
 /// The times of a run.
@@ -50,7 +50,7 @@ pub struct EnginePlan {
     pub shutdown_at: Instant,
     /// What shutdown and cooling take, roughly.
     pub cooling_takes: Duration,
-    /// From when on its source may fall silent for a while, if it is to.
+    /// Time from which its source may fall silent for a while, if it should.
     pub silent_at: Option<Instant>,
 }
 
@@ -118,7 +118,7 @@ impl Plan {
         self
     }
 
-    /// Whether the flame of this engine burns at this time, as its pilot flies it.
+    /// Checks that the flame of this engine burns at this time, as its pilot flies it.
     pub fn burns(&self, engine: usize, config: &Engine, at: Duration) -> Result<(), String> {
         let Some(times) = self.engines.get(engine) else { return Ok(()) };
         match self.flown_by {
@@ -336,7 +336,7 @@ mod tests {
         let plan = Plan::new(&engines, None, FlownBy::Pilots, &mut heavy).unwrap();
         let until = Instant::MIN + heavy.until.unwrap();
         assert!(plan.engines.iter().all(|engine| until + RECOVERY <= engine.shutdown_at));
-        // A third of a duration is no sentence with six decimals.
+        // A third of a duration must not show six decimals.
         let mut late = Faults::parse("heavy,from=20s", &engines).unwrap();
         let error = Plan::new(&engines, None, FlownBy::PilotsInStandby, &mut late).unwrap_err();
         assert!(error.contains("which is 6.666s in this run"), "{error}");

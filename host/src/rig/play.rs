@@ -1,4 +1,4 @@
-//! A run that is played: what a person can do to an engine, by key or from a script file, and what becomes of it.
+//! A played run: actions on an engine, by key or from a script file, and their effects.
 
 pub mod action;
 pub mod check;

@@ -28,9 +28,9 @@ const TITLE_SIZE: u32 = 23;
 const FOOT: f64 = 44.0;
 /// The left and the right end of the time axis.
 const SIDES: (f64, f64) = (100.0, 1220.0);
-/// What is shown before the first mark, in seconds.
+/// Time shown before the first mark, in seconds.
 const BEFORE_FIRST_MARK: f64 = 15.0;
-/// Points of a curve: more would not be seen.
+/// Largest number of points of a curve: more would not be visible.
 const MOST_POINTS: usize = 2400;
 
 /// A picture that is to be written at the end of the run.
@@ -66,7 +66,7 @@ impl Picture<'_> {
         let Chronicle { record, subjects, happened, first_mark, .. } = self.chronicle;
         let title = lines(&self.chronicle.title.to_string(), TITLE_SIZE, WIDTH - 2.0 * TITLE_SIDE);
         let head = HEAD + TITLE_LINE * title.len().saturating_sub(1) as f64;
-        // A scenario's way to its first event is not what it is about.
+        // The time before a scenario's first event is of little interest.
         let begin = first_mark.map_or(0.0, |t| (t - BEFORE_FIRST_MARK).max(0.0));
         let time = Scale::new(begin..self.chronicle.end(), SIDES.0..SIDES.1);
         let happened: Vec<Vec<Happening>> = (0..subjects.len())

@@ -1,4 +1,4 @@
-//! Ports of the rig to the world outside: TCP, UDP and serial ones.
+//! External ports of the rig: TCP, UDP and serial ones.
 
 mod address;
 mod link;

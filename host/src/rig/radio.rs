@@ -29,7 +29,7 @@ use std::cell::{Cell, RefCell};
 /// The receiver of one life of the node, and its engines.
 pub type Receiver<'a> = RefCell<Service<'a, MOST_ENGINES>>;
 
-/// Where the frames come from.
+/// Source of the frames.
 #[derive(Debug)]
 enum From {
     Transmitter(Transmitter),
@@ -41,17 +41,17 @@ enum From {
 pub struct Radio {
     protocol: Protocol,
     from: From,
-    /// Settings of each engine, as they are parameters: they stay over a reset of the node, as a board stores them.
+    /// Settings of each engine, which are parameters: they survive a reset of the node, as a board stores them.
     settings: Cell<[EngineSettings; MOST_ENGINES]>,
-    /// What came of all that was received, in the earlier lives of the node and in this one.
+    /// Reception counters of the earlier lives of the node, and of this one.
     reception: [Cell<Reception>; 2],
 }
 
-/// Time between two looks at what was received.
+/// Time between two updates of the reception.
 const LOOK: Duration = Duration::from_millis(100);
 
 impl Radio {
-    /// Opens the port, or takes the transmitter up: its stick at idle, its switch at stop.
+    /// Opens the port, or creates the transmitter with its stick at idle and its switch at stop.
     pub fn open(choice: &Choice) -> Result<Self, RadioError> {
         let from = match &choice.address {
             None => From::Transmitter(Transmitter::new(&choice.settings)),
@@ -65,7 +65,7 @@ impl Radio {
         Ok(Self { protocol: choice.protocol, from, settings, reception: Default::default() })
     }
 
-    /// What came of all that was received so far, to 0.1 s.
+    /// Reception counters so far, to 0.1 s.
     pub fn reception(&self) -> Reception {
         let [earlier, now] = &self.reception;
         earlier.get() + now.get()
@@ -132,7 +132,7 @@ impl Radio {
     }
 }
 
-/// Notes what radio control commands, for the audit and the views.
+/// Notes the commands of radio control, for the audit and the views.
 fn note(context: &EngineContext<'_>, outcome: Outcome) {
     if context.played.get() {
         // Somebody at the keyboard has taken the engine.

@@ -1,4 +1,4 @@
-//! The report of a run: one page for a browser, with its data, style and script inside. It needs no network.
+//! The report of a run: one page for a browser, with its data, style and script inside. It works offline.
 
 use super::audit::WireCommand;
 use super::chronicle::{Chronicle, Subject};
@@ -50,7 +50,7 @@ impl Report {
 /// The page around its data, in which no `</script>` ends anything.
 fn page(run: &Value) -> String {
     let run = run.to_string().replace('<', "\\u003c");
-    // The data last: what it holds is not looked at.
+    // The data last: its contents are not searched.
     PAGE.replace("/*STYLE*/", STYLE).replace("/*SCRIPT*/", SCRIPT).replace("/*RUN*/", &run)
 }
 
@@ -99,7 +99,7 @@ fn run(
     })
 }
 
-/// What came of one engine.
+/// Outcome of one engine.
 fn of_engine(name: &str, outcomes: &Outcomes, problems: &[String]) -> Value {
     let own: Vec<&str> =
         problems.iter().filter_map(|problem| problem.strip_prefix(name)?.strip_prefix(": ")).collect();
@@ -115,7 +115,7 @@ fn of_engine(name: &str, outcomes: &Outcomes, problems: &[String]) -> Value {
     json!({ "text": text, "failed": !own.is_empty(), "problems": own })
 }
 
-/// The outcome of the run, with what concerns no single engine.
+/// The outcome of the run, with findings that concern no single engine.
 fn of_run(
     subjects: &[Subject],
     outcomes: &Outcomes,
@@ -135,7 +135,7 @@ fn of_run(
     json!({ "text": text, "failed": !problems.is_empty(), "problems": own })
 }
 
-/// What is drawn of one engine, a column for each value.
+/// Curves of one engine, a column for each value.
 fn engine(subject: &Subject, points: &[Point]) -> Value {
     let most = |value: fn(&Point) -> Option<Band>, least: f64| {
         points.iter().filter_map(value).map(|band| band.most).fold(least, f64::max) * HEADROOM
@@ -174,14 +174,14 @@ fn engine(subject: &Subject, points: &[Point]) -> Value {
     })
 }
 
-/// A value of all points: the least of each, and how far the most is above it.
+/// A value of all points: the lowest of each, and the distance of the highest above it.
 fn column(points: &[Point], value: impl Fn(&Point) -> Option<Band>) -> [Vec<Value>; 2] {
     let least = points.iter().map(|point| value(point).map_or(Value::Null, |band| tenths(band.least)));
     let above = points.iter().map(|point| tenths(value(point).map_or(0.0, |band| band.most - band.least)));
     [least.collect(), above.collect()]
 }
 
-/// From which point on a name holds, as often as it changes.
+/// Points at which a name changes, with the new name.
 fn changes(points: &[Point], name: impl Fn(&Point) -> &'static str) -> Vec<(usize, &'static str)> {
     let mut changes: Vec<(usize, &'static str)> = Vec::new();
     for (i, point) in points.iter().enumerate() {
@@ -193,7 +193,7 @@ fn changes(points: &[Point], name: impl Fn(&Point) -> &'static str) -> Vec<(usiz
     changes
 }
 
-/// A number with one decimal, in as few letters as there are.
+/// A number with one decimal, as short as possible.
 fn tenths(value: f64) -> Value {
     let tenths = (value * 10.0).round() as i64;
     if tenths % 10 == 0 { json!(tenths / 10) } else { json!(tenths as f64 / 10.0) }

@@ -5,8 +5,8 @@ use super::sample::Sample;
 use embassy_time::Duration;
 use jetlink::report::LinkState;
 
-/// Heads of the columns with their widths, what matters most first: up to the link they fit 80 columns with names
-/// like `booster`. A text that is wider is cut.
+/// Heads of the columns with their widths, the most important first: up to the link they fit 80 columns with
+/// names like `booster`. A wider text is cut.
 const COLUMNS: [(&str, usize); 11] = [
     ("state", 18),
     ("rpm", 6),
@@ -21,13 +21,13 @@ const COLUMNS: [(&str, usize); 11] = [
     ("worst timing", 34),
 ];
 
-/// The heads of the columns in one line of at most this width: columns that have no room are not there. `names` are those of
-/// all engines.
+/// The heads of the columns in one line of at most this width: columns without room are left out. `names` are those of all
+/// engines.
 pub fn heads(names: &[&str], most: usize) -> String {
     align("engine", names, &COLUMNS.map(|(head, _)| head.to_owned()), most)
 }
 
-/// One engine in one such line. `frames_per_second` is what came from the ECU lately.
+/// One engine in one such line. `frames_per_second` is the ECU's recent rate.
 pub fn row(
     name: &str,
     names: &[&str],
@@ -49,7 +49,7 @@ pub fn row(
         sample.egt.map_or_else(dash, |egt| format!("{egt:.0} °C")),
         if sample.silent { "silent".to_owned() } else { sample.input.to_string() },
         sample.wire_text(),
-        // Of a line that is down, the rate would be of the time before.
+        // If the link is down, the rate would be an old one.
         match frames_per_second {
             Some(rate) if sample.link == LinkState::Up => format!("up {rate:.0}/s"),
             _ => sample.link_name().to_owned(),
@@ -95,7 +95,7 @@ mod tests {
     use jetlink::event::LossStage;
     use jetlink::units::{Rpm, Throttle};
 
-    /// Whatever is shown, these are the columns that matter.
+    /// The columns that always have to be shown.
     fn where_they_end(line: &str) -> Vec<usize> {
         let mut end = "booster  ".len();
         COLUMNS
@@ -145,7 +145,7 @@ mod tests {
             let ends = where_they_end(line);
             assert!(ends[5] <= 80 && ends[6] <= 100, "{ends:?}");
         }
-        // On a narrow terminal with whole columns only, all that matters among them.
+        // A narrow terminal shows only whole columns, among them all important ones.
         let narrow = row("booster", &names, &loud, Some(100.0), 71);
         assert!(narrow.chars().count() <= 71 && narrow.ends_with(" 159960 rpm"), "{narrow}");
         let loud = row("booster", &names, &loud, Some(100.0), usize::MAX);
@@ -189,7 +189,7 @@ mod tests {
         }
     }
 
-    /// No pilot commands then: what the node has of the source is shown.
+    /// Then no pilot commands: the row shows the node's state of the source.
     #[test]
     fn what_a_ground_station_commands_is_shown() {
         let engines = engines(&[]).unwrap();

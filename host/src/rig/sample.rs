@@ -1,4 +1,4 @@
-//! What one engine looks like at one moment, for the table, the lines, the CSV file and the plot.
+//! The state of one engine at one moment, for the table, the lines, the CSV file and the plot.
 
 use super::audit::WireCommand;
 use super::context::{EngineContext, PilotInput, Stage};
@@ -18,21 +18,21 @@ use sim::wire::Entry;
 /// Between two samples.
 pub const SAMPLE_EVERY: Duration = Duration::from_millis(100);
 
-/// An older value is not what the engine does now.
+/// Age beyond which a value does not show the present state.
 const FRESH: Duration = Duration::from_secs(2);
 
-/// Between two values of one kind, where all goes well: a ZK ECU at 20 Hz gives its EGT every 0.45 s.
+/// Longest time between two values of one kind without faults: a ZK ECU at 20 Hz gives its EGT every 0.45 s.
 const NEW: Duration = Duration::from_millis(700);
 
-/// Below this speed, in rpm, a stopped engine is not said to run down.
+/// Speed, in rpm, below which a stopped engine is not shown as running down.
 const AT_REST: u32 = 1000;
 
-/// Whether a value is young enough to be shown and judged by.
+/// Whether a value is recent enough to be shown and judged.
 pub fn is_fresh<T>(value: &Timed<T>, now: Instant) -> bool {
     value.age(now) <= FRESH
 }
 
-/// What the source commands, and whether it is silent: a pilot's own input, or, where MAVLink commands, what the node has of it.
+/// The source's command, and whether it is silent: a pilot's own input, or, if MAVLink commands, the node's state of it.
 fn commanded(context: &EngineContext<'_>, telemetry: &Telemetry) -> (PilotInput, bool) {
     let by_mavlink = context.stage.get() == Stage::Commanded && telemetry.active_source == Origin::Mavlink;
     if !by_mavlink {
@@ -48,47 +48,47 @@ fn commanded(context: &EngineContext<'_>, telemetry: &Telemetry) -> (PilotInput,
 /// One engine at one moment. Values that the ECU has not reported in the last seconds are `None`.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Sample {
-    /// How far its pilot has come.
+    /// Stage of its pilot.
     pub stage: Stage,
-    /// What its pilot commands.
+    /// Command of its pilot.
     pub input: PilotInput,
     /// Its pilot commands nothing.
     pub silent: bool,
-    /// The node runs: it neither hangs nor restarts. All that it has reported is from before otherwise.
+    /// The node runs: it neither hangs nor restarts. Otherwise all its reports are old.
     pub node_up: bool,
     /// Whether the ECU is received.
     pub link: LinkState,
-    /// What the engine does, in plain words.
+    /// The engine's state, in plain words.
     pub does: EngineState,
     /// The ECU's own name of its state.
     pub state: Option<&'static str>,
-    /// Whose command is in force.
+    /// Source whose command is in force.
     pub in_control: Origin,
-    /// Who is about to take over.
+    /// Source that is about to take over.
     pub waiting: Option<Origin>,
-    /// How far the loss of that source has gone.
+    /// Stage of loss of that source.
     pub loss: LossStage,
     /// A limit has lowered the demand.
     pub limited: bool,
     /// It may be started.
     pub armed: bool,
-    /// What the node orders.
+    /// Order of the node.
     pub order: Order,
-    /// What is on the wire; `None`: nothing.
+    /// Command on the wire; `None`: nothing.
     pub on_wire: Option<WireCommand>,
     /// Shaft speed.
     pub rpm: Option<u32>,
     /// Exhaust gas temperature in °C.
     pub egt: Option<f64>,
-    /// When the ECU reported that shaft speed, if nothing newer was to be expected by now.
+    /// When the ECU reported that shaft speed, if a newer report is overdue.
     pub rpm_old: Option<Instant>,
     /// The same of the EGT.
     pub egt_old: Option<Instant>,
     /// Throttle that the ECU obeys, in percent.
     pub throttle: Option<f64>,
-    /// What the ECU reports to be wrong.
+    /// Faults reported by the ECU.
     pub faults: Option<Faults>,
-    /// What the node has counted.
+    /// Counters of the node.
     pub counters: Counters,
     /// Reply windows without a reply in time, by the ECU's own count.
     pub missed_at_ecu: u64,
@@ -99,7 +99,7 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// Of this engine, now. While the node is not up, `telemetry` is what was known last.
+    /// A sample of this engine now. While the node is not up, `telemetry` is the last known one.
     pub fn take(context: &EngineContext<'_>, telemetry: &Telemetry, node_up: bool) -> Self {
         let report = &telemetry.report;
         let at = Instant::now();
@@ -146,14 +146,14 @@ impl Sample {
         self.input.rpm().filter(|_| !self.silent)
     }
 
-    /// What the engine does; while it starts, with the step as the ECU names it. An engine that was stopped at speed runs down
-    /// before it is at rest.
+    /// The engine's state; during a start, with the ECU's name of the step. An engine stopped at speed runs down before it is
+    /// at rest.
     pub fn does_text(&self) -> String {
         match self.does {
             EngineState::Stopped if self.rpm.is_some_and(|rpm| rpm > AT_REST) => "run-down".to_owned(),
-            // An emergency stop is without cooling. Of an AMT ECU it is only known that the shaft turns.
+            // An emergency stop is without cooling. An AMT ECU only shows that the shaft turns.
             EngineState::Cooling if self.order == Order::EmergencyStop => "run-down".to_owned(),
-            // Its run is cancelled, and it has not taken that.
+            // Its run is cancelled, but it has not followed that.
             EngineState::StartRequested if !matches!(self.order, Order::Run(_)) => "not obeying".to_owned(),
             EngineState::Starting(step) if step.name == self.does.name() => step.name.to_owned(),
             EngineState::Starting(step) => format!("start: {}", step.name),
@@ -161,7 +161,7 @@ impl Sample {
         }
     }
 
-    /// What is on the wire.
+    /// The command on the wire.
     pub fn wire_text(&self) -> String {
         match self.on_wire {
             None | Some(WireCommand::Nothing) => "-".to_owned(),
@@ -172,7 +172,7 @@ impl Sample {
         }
     }
 
-    /// The active source, how far that source is lost, and what else holds its demand.
+    /// The active source, its stage of loss, and what else holds its demand.
     pub fn in_control_text(&self) -> String {
         match (self.order, self.loss) {
             (Order::EmergencyStop, _) => format!("{}: STOP", self.in_control.name()),
@@ -200,12 +200,12 @@ impl Sample {
         counters.replies_missed.wrapping_add(counters.replies_late).wrapping_add(counters.send_slots_missed)
     }
 
-    /// The same with what is lost on the way to the ECU, of which the node does not know.
+    /// The same, including frames lost on the way to the ECU, which the node does not know of.
     pub fn missed_by_either(&self) -> u64 {
         u64::from(self.missed()).max(self.missed_at_ecu)
     }
 
-    /// What came from the ECU and was no frame.
+    /// Received data from the ECU that was not a frame.
     pub const fn decode_errors(&self) -> u32 {
         decode_errors(&self.counters)
     }
@@ -230,16 +230,16 @@ pub const fn decode_errors(counters: &Counters) -> u32 {
         .wrapping_add(counters.unknown_frames)
 }
 
-/// What a sample has no room for.
+/// Details that are not part of a sample.
 #[derive(Clone, Debug)]
 pub struct Detail {
-    /// All that the node knows of the engine.
+    /// The node's telemetry of the engine.
     pub telemetry: Telemetry,
     /// Its configuration as it is now.
     pub config: EngineConfig,
-    /// What a start would command; `None` if that comes from outside and is not known.
+    /// Demand of a start; `None` if it comes from outside and is unknown.
     pub start_demand: Option<Demand>,
-    /// What keeps the engine from a start now; `None` while the node is away.
+    /// Reasons why the engine cannot start now; `None` while the node is away.
     pub start_refusals: Option<Vec<Rejected>>,
     /// The last violation of each limit.
     pub violations: Vec<LimitViolation>,

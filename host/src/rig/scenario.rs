@@ -1,5 +1,5 @@
-//! What can go wrong, played: `--scenario`. Each states what has to happen, and judges by what was on the wires and
-//! what the simulated engines did whether it did. Of the node's own telemetry, it only checks what was reported.
+//! Scenarios of failures: `--scenario`. Each states the expected events, and judges by the wires and the simulated
+//! engines whether they occurred. Of the node's own telemetry, it checks only reported events.
 
 mod check;
 mod context;
@@ -13,13 +13,13 @@ pub use self::context::ScenarioContext;
 use embassy_time::Duration;
 use std::pin::Pin;
 
-/// An AMT engine and a ZK engine whose ECU keeps it running by itself.
+/// An AMT engine, and a ZK engine whose ECU keeps it running without commands.
 const PAIR: &[&str] =
     &["name=left,ecu=amt,engine=olympus,baud=2400", "name=right,ecu=zk,version=5,baud=9600"];
 /// The same with the places changed.
 const PAIR_ZK_LEFT: &[&str] =
     &["name=left,ecu=zk,version=5,baud=9600", "name=right,ecu=amt,engine=olympus,baud=2400"];
-/// One ECU of each kind that behaves in a way of its own.
+/// One ECU of each kind with unusual behaviour.
 const THREE: &[&str] = &[
     "name=amt,ecu=amt,engine=olympus,baud=2400",
     "name=zk3,ecu=zk,version=3,baud=9600",
@@ -37,13 +37,13 @@ type Script<'a> = Pin<Box<dyn Future<Output = Result<(), String>> + 'a>>;
 pub struct Scenario {
     /// Its name on the command line.
     pub name: &'static str,
-    /// What it is about, in one line.
+    /// Its subject, in one line.
     pub line: &'static str,
     /// Its engines, as `--engine` describes them.
     pub engines: &'static [&'static str],
     /// What it lasts, roughly, in seconds.
     length: u64,
-    /// Frames that an ECU receives cut off or damaged, because the scenario does that.
+    /// Number of frames that the scenario cuts off or damages on their way to an ECU.
     pub bad_commands: u64,
     script: for<'a> fn(&'a ScenarioContext<'a>) -> Script<'a>,
 }

@@ -39,10 +39,10 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::pin::Pin;
 use std::task::Poll;
 
-/// After the last pilot is done, for what is still on its way.
+/// Time after the last pilot is done, for bytes still on their way.
 const AFTERWARDS: Duration = Duration::from_millis(500);
 
-/// Between two looks at the valves.
+/// Time between two updates of the valves.
 const VALVES_EVERY: Duration = Duration::from_millis(20);
 
 /// Everything that is decided before a run.
@@ -52,15 +52,15 @@ pub struct Setup {
     pub engines: Vec<Engine>,
     /// When each is started and shut down.
     pub plan: Plan,
-    /// What goes wrong.
+    /// Faults.
     pub faults: Faults,
-    /// What is played, in place of the pilots.
+    /// Scenario, in place of the pilots.
     pub scenario: Option<&'static Scenario>,
     /// Seed for all random numbers.
     pub seed: u64,
     /// As fast as the machine allows, instead of in real time.
     pub fast: bool,
-    /// Somebody looks at every detail, the bytes on the wires included.
+    /// Whether a view shows every detail, including the bytes on the wires.
     pub details: bool,
     /// Ports of MAVLink, in place of the pilots.
     pub mavlink: Option<Mavlink>,
@@ -68,11 +68,11 @@ pub struct Setup {
     pub radio: Option<Radio>,
     /// Each engine has a fuel valve that cuts its fuel.
     pub valves: bool,
-    /// How many times as fast as the wall clock.
+    /// Multiple of the speed of the wall clock.
     pub speed: u32,
-    /// Panic at this engine time: for the test of what a panic leaves behind.
+    /// Panic at this engine time: to test the state after a panic.
     pub panic_at: Option<Duration>,
-    /// What the first engine's node is commanded although nobody has: for the test of what a judge finds.
+    /// Unsolicited command to the first engine's node: to test the judges.
     #[cfg(test)]
     pub uncommanded: Vec<(Duration, Command)>,
 }
@@ -93,7 +93,7 @@ impl Setup {
         }
     }
 
-    /// Whether a script file of what was done plays the run again: nothing comes from outside or from a scenario.
+    /// Whether a script file of the actions replays the run: nothing comes from outside or from a scenario.
     pub fn plays_again(&self) -> bool {
         self.scenario.is_none()
             && self.mavlink.is_none()
@@ -105,7 +105,7 @@ impl Setup {
 type Flown = RefCell<Option<Result<(), String>>>;
 type Task<'a> = Pin<Box<dyn Future<Output = ()> + 'a>>;
 
-/// Runs. `control` steers; `show` is called with all that is to be shown and returns whether to continue.
+/// Runs the session. `control` steers it; `show` gets everything to show, and returns whether to continue.
 pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Message) -> bool) -> Outcomes {
     clock::reset();
     clock::set_pace(if setup.fast { clock::Pace::Unlimited } else { clock::Pace::Times(setup.speed) });
@@ -150,7 +150,7 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
         tasks,
     );
     let run = || wired::run(std::pin::pin!(world.with_node(until_end)));
-    // What was seen until a panic is still worth its summary. Nothing runs any more then.
+    // The observations up to a panic still get a summary. Then nothing runs any more.
     if let Err(panic) = catch_unwind(AssertUnwindSafe(run)) {
         let message = panic.downcast_ref::<&str>().map(|&message| message.to_owned());
         let message = message.or_else(|| panic.downcast_ref::<String>().cloned());
@@ -165,7 +165,7 @@ pub fn run(setup: &Setup, control: &mut dyn Control, mut show: impl FnMut(Messag
     world.outcomes(end.into_inner())
 }
 
-/// All that a reset of the node leaves alone.
+/// Everything that survives a reset of the node.
 struct World<'a> {
     setup: &'a Setup,
     node: &'a Node<'a>,
@@ -197,7 +197,7 @@ impl<'a> World<'a> {
             }));
         } else if self.setup.is_commanded() {
             for context in self.contexts {
-                // What comes from outside may fall silent at any time.
+                // An outside source may fall silent at any time.
                 if !self.setup.plays_again() {
                     context.audit.borrow_mut().judge_no_orders();
                 }
@@ -304,7 +304,7 @@ impl<'a> World<'a> {
         }
     }
 
-    /// What is to be shown of each engine now; its details only where somebody looks at them.
+    /// Samples of each engine to show now; its details only if a view shows them.
     fn sample(&self) -> (Vec<Sample>, Vec<Detail>) {
         look(self.contexts, self.plugs);
         let telemetry: Vec<Telemetry> = (0..self.contexts.len()).map(|i| self.node.telemetry(i)).collect();
@@ -349,7 +349,7 @@ impl<'a> World<'a> {
         self.contexts.iter().any(|context| context.played.get())
     }
 
-    /// Where no pilot flies it is the time that ends the run.
+    /// Without pilots, the time ends the run.
     fn timed_out(&self) -> bool {
         self.setup.is_commanded()
             && self.setup.plan.length.is_some_and(|length| Instant::now() >= Instant::MIN + length)
@@ -402,8 +402,8 @@ impl<'a> World<'a> {
         }
     }
 
-    /// Runs the node until `until_end` is done, and starts it again whenever it is reset: its tasks and its channels are
-    /// dropped then, and nothing is left of them but what is in its memory.
+    /// Runs the node until `until_end` is done, and starts it again whenever it is reset: then its tasks and channels
+    /// are dropped, and only its retained memory is left.
     async fn with_node(&self, until_end: impl Future<Output = ()>) {
         let mut until_end = std::pin::pin!(until_end);
         loop {
@@ -438,7 +438,7 @@ impl<'a> World<'a> {
             channels.iter().zip(self.contexts).zip(self.plugs).zip(&errors)
         {
             let (rx, tx) = plug.reset_node();
-            // The listeners first: nobody must command before events are received.
+            // The subscribers first: no command may come before events are received.
             if let Some(events) = channel.handle().events() {
                 tasks.push(Box::pin(clock::task(listen(events, context, plug, self.scenario_context))));
             }
@@ -499,7 +499,7 @@ async fn until_done(first: impl Future<Output = ()>, mut tasks: Vec<Task<'_>>) {
     .await;
 }
 
-/// Notes the node's events. What it orders by itself, the audit holds against what the simulated engine does.
+/// Notes the node's events. The audit compares the node's own orders with the simulated engine.
 async fn listen(
     mut events: Events<'_>,
     context: &EngineContext<'_>,

@@ -1,5 +1,5 @@
-//! Takes what the session sends and gives it to the screen and the files, in a thread of its own: neither a slow terminal
-//! nor a slow disk may hold up an engine.
+//! Passes the session's messages to the screen and the files, in a thread of its own: neither a slow terminal nor a slow
+//! disk may hold up an engine.
 
 use super::capture::Capture;
 use super::chronicle::Chronicle;
@@ -32,7 +32,7 @@ pub struct Files {
     pub names: Vec<&'static str>,
     /// The CSV file, if one is wanted.
     pub csv: Option<Csv>,
-    /// What pictures are made of, if one is wanted.
+    /// The data of pictures, if one is wanted.
     pub chronicle: Option<Chronicle>,
     /// The plot, if one is wanted.
     pub plot: Option<Plot>,
@@ -89,19 +89,19 @@ impl Files {
     }
 }
 
-/// What is left when all was shown.
+/// Results after everything was shown.
 #[derive(Debug)]
 pub struct Ended {
-    /// What could not be shown or written; the first.
+    /// The first failure to show or write something.
     pub error: Option<ShowError>,
-    /// What is to be printed when the terminal is as it was.
+    /// Text to print after the terminal is restored.
     pub events: String,
-    /// What a report is made of.
+    /// The data of a report.
     pub chronicle: Option<Chronicle>,
 }
 
 impl Ended {
-    /// After a panic outside of all that is caught.
+    /// After a panic that was not caught elsewhere.
     pub const fn panicked() -> Self {
         Self { error: Some(ShowError::Panicked), events: String::new(), chronicle: None }
     }
@@ -125,7 +125,7 @@ impl Show {
             Shown::Screen(screen) => screen.events(),
             Shown::Lines(_) => String::new(),
         };
-        // The terminal is put back before anything else can be printed.
+        // The terminal is restored before anything else can be printed.
         drop(self.shown);
         let (files, chronicle) = self.files.finish();
         Ended { error: shown.and(files).err(), events, chronicle }

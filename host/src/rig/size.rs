@@ -1,4 +1,4 @@
-//! How large the terminal is.
+//! Size of the terminal.
 
 use std::io;
 

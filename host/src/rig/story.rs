@@ -1,4 +1,4 @@
-//! What happens, and why, in one line, for the spectator.
+//! One line for the spectator: the present events and their reasons.
 
 use super::context::Stage;
 use super::play::action::Fault;

@@ -1,4 +1,4 @@
-//! The end of a run: what was counted, by the node, by the ECUs and on the lines, and whether all is well.
+//! The summary of a run: counters of the node, the ECUs and the lines, and whether all is well.
 
 use super::ending::EndedBy;
 use super::fit::wrapped;
@@ -15,15 +15,15 @@ const ENGINE: usize = 13;
 /// Engines beside one another, however wide the screen is.
 const MOST_BESIDE: usize = 4;
 
-/// Everything that makes a run a failure, a sentence each. That it was ended early is none: what it has not come to
-/// is not judged then, what went wrong until then is.
+/// Everything that makes a run a failure, a sentence each. An early end is not a failure: missing events are then
+/// not judged, but faults up to then are.
 pub fn problems(outcomes: &Outcomes) -> Vec<String> {
     let mut problems = Vec::new();
     if let End::Panicked(message) = &outcomes.end {
         problems.push(format!("the rig has panicked: {message}"));
     }
     let played = outcomes.is_played();
-    // A scenario that was stopped by hand is not what was expected.
+    // A scenario that was stopped by hand did not run as expected.
     for check in outcomes.checks.iter().filter(|check| !check.held && !played) {
         problems.push(format!("expected, and did not occur: {}", check.what));
     }
@@ -79,7 +79,7 @@ pub fn problems(outcomes: &Outcomes) -> Vec<String> {
             if ecu.bad > 0 {
                 problem(format!("the ECU received {} bad commands on a clean line", ecu.bad));
             }
-            // One frame each way may be under way at the end.
+            // One frame each way may be in transit at the end.
             if ecu.frames.abs_diff(node.frames.into()) > 1 {
                 problem(format!("the ECU sent {} frames, the node received {}", ecu.frames, node.frames));
             }
@@ -93,7 +93,7 @@ pub fn problems(outcomes: &Outcomes) -> Vec<String> {
     problems
 }
 
-/// What was counted, a row each: its head, and a cell for each engine.
+/// The counters, a row each: its head, and a cell for each engine.
 pub fn rows(outcomes: &Outcomes) -> Vec<(&'static str, Vec<String>)> {
     let engines = &outcomes.engines;
     let mut rows: Vec<(&str, Vec<String>)> = Vec::new();
@@ -204,7 +204,7 @@ pub fn on_screen(text: &str, width: usize, mark: char) -> String {
     text.lines().flat_map(broken).map(|line| line + "\n").collect()
 }
 
-/// What a run without a problem has shown.
+/// Results of a run without a problem.
 pub fn pass(outcomes: &Outcomes) -> &'static str {
     if outcomes.is_played() && outcomes.is_scenario {
         "STOPPED by hand: no unsolicited command; what was expected is not judged."
@@ -220,7 +220,7 @@ pub fn pass(outcomes: &Outcomes) -> &'static str {
     }
 }
 
-/// The same where the time was over before anything was complete: what was judged until then.
+/// The same if the time was over before anything was complete: the results up to then.
 fn over(outcomes: &Outcomes) -> &'static str {
     let commands = outcomes.engines.iter().any(|outcome| outcome.audit.judged);
     let lines = outcomes.engines.iter().any(|outcome| outcome.line_was_clean);

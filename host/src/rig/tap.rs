@@ -19,7 +19,7 @@ impl Tap {
         }
     }
 
-    /// What came since the last time.
+    /// Bytes since the last call.
     pub fn take(&mut self) -> Vec<Entry> {
         self.0.as_mut().map(core::mem::take).unwrap_or_default()
     }
@@ -30,7 +30,7 @@ pub const fn received(entry: &Entry) -> Option<u8> {
     match (entry.fate, entry.direction) {
         (Fate::Delivered | Fate::Added, _) => Some(entry.byte),
         (Fate::Lost, _) => None,
-        // The node's UART takes a broken byte for a byte; the ECU sees that it is none.
+        // The node's UART accepts a broken byte; the ECU detects it.
         (Fate::Flipped(byte), _) | (Fate::Framing(byte), Direction::ToNode) => Some(byte),
         (Fate::Framing(_), Direction::ToEcu) => None,
     }

@@ -1,4 +1,4 @@
-//! The title of a run's pictures: what is seen in them.
+//! The title of a run's pictures: a description of the run.
 
 use super::engines::Engine;
 use super::plan::FlownBy;
@@ -10,7 +10,7 @@ use std::path::Path;
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Title {
     text: String,
-    /// Where all that is random comes from; a scenario is its name.
+    /// Seed of all random events; for a scenario, its name.
     seed: Option<u64>,
     /// A key has acted, and nothing before says that the run is played.
     by_hand: Option<bool>,

@@ -16,7 +16,7 @@ pub struct Tour {
 }
 
 impl Tour {
-    /// The speed for what happens now: how far the pilot of each engine has come.
+    /// The speed for the present stages of the engines' pilots.
     pub fn speed(&mut self, stages: &[Stage]) -> u32 {
         let all = |of: &[Stage]| stages.iter().all(|stage| of.contains(stage));
         if stages.contains(&Stage::Played) {

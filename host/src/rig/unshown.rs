@@ -5,9 +5,9 @@ use std::io;
 /// What ended the showing of a run.
 #[derive(Debug)]
 pub enum ShowError {
-    /// What lines or rows go to takes nothing.
+    /// The output of lines or rows cannot be written.
     Screen(io::Error),
-    /// A file takes nothing.
+    /// A file cannot be written.
     File(String),
     /// A panic, whose message has been printed.
     Panicked,

@@ -1,4 +1,4 @@
-//! Opens what a run writes to. A FIFO without a reader makes that wait, and the end of the run ends the wait.
+//! Opens the files that a run writes. For a FIFO without a reader this waits, until the run ends.
 
 use super::ending::EndRequest;
 use std::fs::{self, File};
@@ -6,14 +6,14 @@ use std::io::{self, ErrorKind, Write};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
-/// Between two looks at whether the run was ended.
+/// Time between two checks of whether the run was ended.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 /// After it was ended: a reader that waits already is there within this time.
 const GRACE: Duration = Duration::from_millis(300);
 /// After this long the wait is reported.
 const QUIET: Duration = Duration::from_secs(1);
 
-/// Opens this file for writing, from its beginning; an output of this program is written on where it is.
+/// Opens this file for writing, from its beginning; an output of this program continues at its position.
 pub fn create(path: &str, end: &EndRequest) -> io::Result<File> {
     if let Some(own) = own(path) {
         return own;
@@ -23,7 +23,7 @@ pub fn create(path: &str, end: &EndRequest) -> io::Result<File> {
     }
     let (opened, wait) = channel();
     let (name, began) = (path.to_owned(), Instant::now());
-    // It cannot be called back: where nobody ever reads, it ends with the program.
+    // It cannot be cancelled: without a reader, it ends with the program.
     std::thread::spawn(move || opened.send(File::create(name)));
     let (mut ended, mut reported) = (None, false);
     loop {

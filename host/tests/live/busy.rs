@@ -1,5 +1,5 @@
-//! `jetlink rig` in real time, on a computer that has other things to do: the simulation is the same as with
-//! `--fast`, however late the host is.
+//! `jetlink rig` in real time, on a busy computer: the simulation is the same as with `--fast`, however late
+//! the host is.
 
 use super::process::Running;
 use super::{file, signal};
@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 const PATIENCE: Duration = Duration::from_secs(60);
 /// Rigs beside one another, and busy processes beside them.
 const RIGS: usize = 4;
-/// What a laptop's lid does to a process.
+/// Effect of closing a laptop's lid on a process.
 const STOPPED_FOR: Duration = Duration::from_secs(3);
 
 fn rig(args: &[&str], csv: &PathBuf) -> Command {

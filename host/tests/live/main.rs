@@ -13,7 +13,7 @@ use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus};
 use std::time::Duration;
 
-/// The most that anything here may take on a busy machine.
+/// Longest time that anything here may take on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 fn file(name: &str) -> PathBuf {

@@ -1,4 +1,5 @@
-//! `jetlink rig` on a terminal: what only a terminal shows. Keys, signals, a new size, Ctrl-Z, a panic, a terminal that is gone.
+//! `jetlink rig` on a terminal: behaviour that only a terminal shows. Keys, signals, a new size, Ctrl-Z, a panic, a closed
+//! terminal.
 
 use super::{ended, file, is_no_failure, jetlink, signal, wait_until};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
@@ -20,14 +21,14 @@ const SHOW_CURSOR: &str = "\u{1b}[?25h";
 /// A rig on a terminal of its own.
 struct Terminal {
     child: Child,
-    /// What a person types goes in here.
+    /// Input for a person's keys.
     keyboard: Option<File>,
     /// The program's side, to look at its modes.
     side: Option<File>,
     output: Arc<Mutex<String>>,
     /// The reader gives up its copy of the terminal.
     closed: Arc<AtomicBool>,
-    /// Copies what is shown, until the last one who has the terminal open is gone.
+    /// Copies the output until nobody has the terminal open.
     reader: Option<thread::JoinHandle<()>>,
 }
 
@@ -222,7 +223,7 @@ fn a_suspended_rig_comes_back_and_a_resized_one_is_drawn_again() {
             terminal.output().get(before..).is_some_and(|new| new.contains(HEAD) && new.contains("left"))
         });
         assert!(terminal.is_raw());
-        // What the smaller screen had is gone when it grows.
+        // The contents of the smaller screen disappear when it grows.
         for (columns, rows, what) in [(30, 10, "columns"), (150, 40, "Titan")] {
             let before = terminal.output().len();
             terminal.resize(columns, rows);
@@ -333,7 +334,7 @@ fn a_played_run_is_saved_and_its_command_printed() {
     assert!(live.starts_with(&summary(&again).expect("a summary")), "{live}{again}");
 }
 
-/// What a key does beside a script file is kept with it.
+/// Actions of keys during a script file are kept with it.
 #[test]
 fn keys_beside_a_script_are_saved_with_it() {
     let script = file("beside.txt");

@@ -53,7 +53,8 @@ fn each_engine_has_its_own_sources() {
     assert!(node.owners()[1].source(Origin::Mavlink).is_ok());
 }
 
-/// Commands an emergency stop to both engines, whose ports are 0 and 3, and resets the node. Whether it is latched then.
+/// Commands an emergency stop to both engines, whose ports are 0 and 3, and resets the node. Returns whether each is then
+/// latched.
 fn stops_after_a_reset(memory: &'static [RetainedMemory]) -> Result<[bool; 2], ConfigError> {
     let engines = [config(0), config(3)];
     let before = Node::new(&engines, Some((memory, Reset::Warm)))?;

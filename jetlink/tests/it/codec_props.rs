@@ -16,7 +16,7 @@ const ZK_LEN: usize = 7;
 // ---------------------------------------------------------------------------------------------
 
 /// ZK by the document: at each byte, seven bytes with a head and a right CRC are a frame, anything else is
-/// skipped by one byte. Gives the frames and what is left at the end.
+/// skipped by one byte. Returns the frames, and the number of bytes left at the end.
 fn zk_reference(stream: &[u8]) -> (Vec<Vec<u8>>, usize) {
     let mut frames = Vec::new();
     let mut at = 0;
@@ -31,7 +31,7 @@ fn zk_reference(stream: &[u8]) -> (Vec<Vec<u8>>, usize) {
     (frames, stream.len() - at)
 }
 
-/// AMT by the document: cut at each 0xFF; a piece holds one frame at its front, or none.
+/// AMT by the document: cut at each 0xFF; a piece contains one frame at its beginning, or none.
 fn amt_reference(stream: &[u8]) -> Vec<Vec<u8>> {
     let mut frames = Vec::new();
     let leaders: Vec<usize> = (0..stream.len()).filter(|&i| stream[i] == 0xFF).collect();
@@ -140,7 +140,7 @@ fn chunks(stream: &[u8], cuts: &[prop::sample::Index]) -> Vec<Vec<u8>> {
 }
 
 proptest! {
-    /// ZK-16: whatever comes, in whatever chunks: the frames are those that the document's rule finds.
+    /// ZK-16: for any bytes in any chunks, the frames are those that the document's rule finds.
     #[test]
     fn zk_16_chunks_of_a_stream_change_nothing(
         stream in stream_of(zk_frame()),
@@ -153,7 +153,7 @@ proptest! {
             zk_decode(&mut decoder, &chunk, &mut found);
         }
         prop_assert_eq!(&found, &expected);
-        // What is pending begins with a head, so it can be shorter than what the rule has not yet judged.
+        // Pending bytes begin with a head, so there may be fewer of them than the rule has left.
         prop_assert!(decoder.pending() <= left);
         // Every byte is in a frame, skipped or pending.
         let counters = decoder.counters();
@@ -174,8 +174,8 @@ proptest! {
         prop_assert_eq!((decoder.counters().bytes_skipped, decoder.counters().crc_failures), (0, 0));
     }
 
-    /// ZK-16: a corrupted frame, full of false heads or not, never takes the good frame behind it along, unless
-    /// seven bytes across both are a frame by chance (a CRC of eight bits passes one in 256).
+    /// ZK-16: a corrupted frame, with or without false heads, never costs the good frame after it, unless seven
+    /// bytes across both form a frame by chance (an 8-bit CRC passes one in 256).
     #[test]
     fn zk_16_a_corrupted_frame_does_not_lose_the_next(
         mut bad in zk_frame(),
@@ -197,7 +197,7 @@ proptest! {
     /// in the noise ends within the first good frame, and the second is found.
     #[test]
     fn zk_16_noise_loses_a_bounded_number_of_bytes(noise in noise(60), good in zk_frame()) {
-        // But for the one frame in some hundreds that holds another by chance where it meets its copy.
+        // Except for the one frame in some hundreds that contains another by chance where it meets its copy.
         prop_assume!((1..ZK_LEN).all(|at| {
             let twice = [good.clone(), good.clone()].concat();
             let window = &twice[at..at + ZK_LEN];
@@ -212,7 +212,7 @@ proptest! {
         prop_assert_eq!(found.last(), Some(&good), "within 14 bytes");
     }
 
-    /// AMT-1: whatever comes, in whatever chunks: the frames are those between two leaders.
+    /// AMT-1: for any bytes in any chunks, the frames are those between two leaders.
     #[test]
     fn amt_1_chunks_of_a_stream_change_nothing(
         stream in stream_of(amt_frame()),
@@ -244,7 +244,7 @@ proptest! {
     fn amt_1_lost_bytes_lose_one_frame(
         before in amt_frame(), spoilt in amt_frame(), after in amt_frame(), lost in any::<prop::sample::Index>(),
     ) {
-        // One byte is lost behind the leader; the shorter frame of six bytes ends in the next leader.
+        // One byte is lost after the leader; the shorter frame of six bytes ends in the next leader.
         prop_assume!(spoilt.len() == 6);
         let mut short = spoilt.clone();
         short.remove(1 + lost.index(5));
@@ -253,7 +253,7 @@ proptest! {
         prop_assert_eq!(found, vec![before, after]);
     }
 
-    /// AMT-2: what a frame reports has its own bytes behind it, whatever they are.
+    /// AMT-2: each message carries the bytes of its frame.
     #[test]
     fn amt_2_messages_carry_their_bytes(frame in amt_frame()) {
         let (_, decoded) = amt::Decoder::new().feed(&frame);
@@ -309,8 +309,8 @@ fn zk_payload_is_defined(byte1: u8, byte2: u8) -> bool {
     }
 }
 
-/// ZK-2, ZK-3, ZK-4: over all 65 536 payloads, decode and encode are each other's inverse, and what the
-/// document does not define is refused.
+/// ZK-2, ZK-3, ZK-4: over all 65 536 payloads, decode and encode are each other's inverse, and undefined
+/// payloads are refused.
 #[test]
 fn zk_2_every_payload_survives_the_round_trip() {
     let mut defined = 0;
@@ -356,7 +356,7 @@ fn zk_1_a_wrong_crc_never_passes() {
     }
 }
 
-/// AMT-10: all 4 × 201 control messages; no byte behind the first is ever 0xFF, and the copies agree.
+/// AMT-10: all 4 × 201 control messages; no byte after the first is ever 0xFF, and the copies agree.
 #[test]
 fn amt_10_every_control_survives_the_round_trip() {
     for ops in amt::Ops::ALL {
@@ -413,7 +413,7 @@ fn zk_16_the_decoder_survives_a_million_random_bytes() {
     assert_eq!(found.len() * ZK_LEN + skipped + decoder.pending(), stream.len());
 }
 
-/// AMT-1: the same for AMT. There is no checksum, so most of it makes frames.
+/// AMT-1: the same for AMT. There is no checksum, so most of them form frames.
 #[test]
 fn amt_1_the_decoder_survives_a_million_random_bytes() {
     let stream: Vec<u8> = random_bytes(1_000_000, 0xA37).collect();
@@ -430,7 +430,7 @@ fn amt_1_the_decoder_survives_a_million_random_bytes() {
     assert!((leaders - 1..=leaders).contains(&(accounted as usize)), "{leaders} leaders, {counters:?}");
 }
 
-/// A decoder that was fed the head of a set-up set waits for its full stop and no longer.
+/// After the head of a set-up set, a decoder waits for its full stop and no longer.
 #[test]
 fn amt_9_setup_is_recognised_at_its_full_stop() {
     for (text, pending_after_third, frame_at) in [("9.35 140617 ", 8, 17), ("10.35 200131 ", 8, 18)] {

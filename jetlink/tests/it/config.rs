@@ -1,4 +1,4 @@
-//! The table of engines: what is refused before it can fly.
+//! The table of engines: mistakes that are refused before a flight.
 
 use crate::support::frames::zk as zk_frames;
 use crate::support::scenario::{Ecu, Reports, SECOND, Scenario, Wire, percent, run};
@@ -33,7 +33,7 @@ fn setting(name: &str) -> SettingId {
     Supervision::id(name).expect("a setting of the supervision")
 }
 
-/// The number of the row of `timing.lost_after`: errors carry the second of its table.
+/// The number of the row of `timing.lost_after`: errors carry the number of the second row of its table.
 fn lost_after() -> SettingId {
     let mut engine = amt(0, Line::new(2400));
     engine.timing.lost_after = Duration::from_ticks(0);
@@ -185,7 +185,7 @@ fn the_fingerprint_identifies_the_engine_and_not_its_settings() {
     }
 }
 
-/// The compiler's message where `check` is in a constant (`.ci/tables` reads it there).
+/// The compiler's message when `check` is in a constant (`.ci/tables` reads it there).
 #[test]
 fn a_mistake_that_does_not_build_names_its_row() {
     let text = |run: &(dyn Fn() + std::panic::RefUnwindSafe)| {
@@ -210,7 +210,7 @@ fn a_mistake_that_does_not_build_names_its_row() {
         )
     );
     assert_eq!(text(&|| check_ports(&table, 5)), None);
-    // The twelfth, with a name that leaves no room for what is wrong, cut in the middle of a letter.
+    // The twelfth, with a name that leaves no room for the reason and is cut in the middle of a letter.
     let mut many: Vec<EngineConfig> = (0..12).map(|port| amt(port, line)).collect();
     many[11].name = Box::leak("ü".repeat(200).into_boxed_str());
     many[11].line = Line::new(9601);
@@ -248,7 +248,7 @@ fn every_field_has_a_range() {
     use jetlink::engine::config::Governor;
     use jetlink::limit::Limit;
     type Change = fn(&mut EngineConfig, u64);
-    // What is changed, how it is refused, the least and the most of it.
+    // The change, its error, its lowest and its highest value.
     let changes: [(Change, ConfigError, u64, u64); 29] = {
         let of = |name| ConfigError::Supervision(1, setting(name));
         [
@@ -445,7 +445,7 @@ fn settings_have_the_defaults_that_the_table_names() {
             let name = if setting.parameter { row.name } else { setting.name };
             assert_eq!(of_setting, (name, row.min, row.max, row.may_be_off, row.effect));
             assert_eq!(setting.parameter, row.is_parameter(), "{}", setting.name);
-            // What is no parameter has no value and is not changed as one.
+            // A setting that is not a parameter has no value and cannot be changed as one.
             let value = setting.parameter.then_some(setting.default);
             assert_eq!(config.parameter(setting.name), value, "{}", setting.name);
             let mut changed = config;
@@ -478,7 +478,7 @@ fn names_of_settings_are_unique_and_fit_a_parameter() {
     }
 }
 
-/// −0.1 °C has the number of "off", and is no limit.
+/// −0.1 °C has the number of "off", and is not a valid limit.
 #[test]
 fn a_value_with_the_number_of_off_is_out_of_range() {
     for (tenths, good) in [(-1, false), (0, true), (8000, true)] {
@@ -488,7 +488,7 @@ fn a_value_with_the_number_of_off_is_out_of_range() {
     }
 }
 
-/// A change without a look at the range overflows nothing: it is the closest value that the type holds.
+/// A change without a range check does not overflow: it takes the closest value that the type can hold.
 #[test]
 fn an_unchecked_change_takes_the_closest_value() {
     for (name, number, closest) in [
@@ -503,7 +503,7 @@ fn an_unchecked_change_takes_the_closest_value() {
     }
 }
 
-/// Each setting changes by its name, to both ends of its range and to off, and to nothing outside.
+/// Each setting can be changed by its name to both ends of its range and to off, but not beyond.
 #[test]
 fn settings_change_within_their_range() {
     for config in both() {
@@ -543,7 +543,7 @@ fn settings_of_a_running_engine_can_be_changed() {
     let mut scenario = Scenario::started(Ecu::Zk, percent(50));
     scenario.fly_us(run(50), Origin::Rc, SECOND);
     let mut settings = Ecu::Zk.config().supervision;
-    // Of 0.5 s: silence longer than that is no loss any more.
+    // It was 0.5 s: longer silence is no longer a loss.
     settings.timeouts.rc = Duration::from_secs(10);
     let now = scenario.now_us();
     scenario.bench.act(|engine, _| engine.configure(at_us(now), &settings)).unwrap();
@@ -574,7 +574,7 @@ fn link_after_silence(scenario: &Scenario, millis: u64) -> LinkState {
     scenario.telemetry().link
 }
 
-/// Settings of a link wait while the engine runs and cools, and are in effect when it is at rest, before its next start.
+/// Settings of a link wait while the engine runs and cools, and take effect when it is at rest, before its next start.
 #[test]
 fn settings_of_a_link_take_effect_when_the_engine_is_at_rest() {
     for (ecu, lost_after_ms) in [(Ecu::Amt, 1000), (Ecu::Zk, 500)] {
@@ -605,7 +605,7 @@ fn settings_of_a_link_take_effect_when_the_engine_is_at_rest() {
     }
 }
 
-/// AMT-14: the start throttle of settings that were given at rest goes out with the next start.
+/// AMT-14: a start throttle set at rest is sent at the next start.
 #[test]
 fn settings_of_a_protocol_count_for_the_next_start() {
     let mut scenario = Scenario::ready(Ecu::Amt, Ecu::Amt.config());
@@ -617,8 +617,8 @@ fn settings_of_a_protocol_count_for_the_next_start() {
     assert_eq!(scenario.reports(Reports::Starting).wire(), Wire::Run(120));
 }
 
-/// ZK-11: another status rate is ordered when the engine is at rest. One that a service command has set stays where the setting
-/// is the same.
+/// ZK-11: another status rate is ordered when the engine is at rest. A rate set by a service command stays if the setting does
+/// not change.
 #[test]
 fn zk_11_a_rate_of_settings_is_ordered_at_rest() {
     let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());

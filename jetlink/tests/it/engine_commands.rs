@@ -15,7 +15,7 @@ use crate::support::scenario::{
 };
 use bench::by_hand::micros;
 
-/// What moves fuel or heats: everything but the rates and the end of what was opened.
+/// Actions that move fuel or heat: all but the rates, and those that end an action.
 const MOVE_FUEL: [Action; 6] = [
     Action::Drain,
     Action::TestGlowPlug,
@@ -33,7 +33,7 @@ fn action(action: Action) -> Command {
 // CTF and PWM
 // ---------------------------------------------------------------------------------------------
 
-/// AMT-13: CTF is a deliberate act: neither the source's further demands nor its loss call it off.
+/// AMT-13: CTF is a deliberate act: neither the source's further demands nor its loss cancel it.
 #[test]
 fn amt_13_a_lost_source_does_not_cancel_ctf() {
     let mut scenario = Scenario::started(Ecu::Amt, percent(50));
@@ -70,12 +70,12 @@ fn zk_8_a_hand_over_lasts_for_the_engines_life() {
     assert_eq!(scenario.wire(), Wire::Pwm);
     scenario.shut_down().unwrap();
     assert_eq!(scenario.wire(), Wire::Standby);
-    // With the life of the engine it is over.
+    // It ends with the life of the engine.
     let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
     scenario.command(Command::HandOverToPwm).unwrap();
     scenario.reports(Reports::Starting).reports(Reports::Running).reports(Reports::Cooling);
     assert_eq!((scenario.order(), scenario.wire()), (Order::Standby, Wire::Standby));
-    // An AMT ECU has no such thing, and a refusal changes nothing.
+    // An AMT ECU has no hand-over, and a refusal changes nothing.
     for (mut amt, why) in [
         (Scenario::started(Ecu::Amt, percent(50)), Rejected::StandbyFirst),
         (Scenario::ready(Ecu::Amt, Ecu::Amt.config()), Rejected::NotSupported),
@@ -86,7 +86,7 @@ fn zk_8_a_hand_over_lasts_for_the_engines_life() {
     }
 }
 
-/// The source that handed the engine over takes it back, also below a source that streams run.
+/// The source that handed the engine over takes it back, even if a higher source streams run.
 #[test]
 fn zk_8_a_hand_over_is_taken_back_by_its_own_source() {
     for reached in [false, true] {
@@ -108,7 +108,7 @@ fn zk_8_a_hand_over_is_taken_back_by_its_own_source() {
     }
 }
 
-/// Each interlock of a start holds for a hand-over, and a refusal uses the permission up.
+/// Each interlock of a start also applies to a hand-over, and a refusal uses up the permission.
 #[test]
 fn zk_8_a_hand_over_counts_as_a_start() {
     for (change, why) in [
@@ -156,7 +156,7 @@ fn zk_13_services_that_move_fuel_are_refused_in_a_gap() {
 #[test]
 fn service_commands_need_a_stopped_engine() {
     for reports in ALL {
-        // In standby: what the node has ordered of an engine that does not run.
+        // In standby, which the node has ordered for an engine that does not run.
         let ready = || {
             let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
             scenario.reports(reports);
@@ -291,7 +291,7 @@ enum Step {
     Reports(Reports),
     Silent,
     Command(Command, Origin),
-    /// A stream of it, for tenths of a second.
+    /// Streams the command, for tenths of a second.
     Fly(Command, Origin, u64),
 }
 
@@ -323,9 +323,9 @@ fn step() -> impl Strategy<Value = Step> {
 }
 
 proptest! {
-    /// Whatever is commanded and reported: a latched stop stays ordered, a run begins only as the answer to a command
-    /// for it, armed and from standby, what is refused changes nothing but for a demand that moves by itself, no
-    /// demand outlives its hold, and the bench finds no deadline that is over. From an engine in standby, or one that runs.
+    /// Whatever is commanded and reported: a latched stop stays ordered, a run begins only in answer to its command, armed
+    /// and from standby; a refused command changes nothing, though a demand may already be moving; no demand outlives its
+    /// hold; and the bench finds no deadline in the past. Begins with an engine in standby, or one that runs.
     #[test]
     fn in_any_schedule_a_run_only_begins_by_its_command(
         is_zk in any::<bool>(),
@@ -371,7 +371,7 @@ proptest! {
                             prop_assert_eq!(before.ordered.order, Order::Standby);
                         }
                     }
-                    // Its source is received all the same: it is known to command run.
+                    // Its source still counts as received: it commands run.
                     (_, Err(Rejected::NeedsVersion { known: None, .. })) => {
                         prop_assert_eq!(after.ordered.order, before.ordered.order);
                     }
@@ -394,7 +394,7 @@ proptest! {
                     Demand::Throttle(throttle) => throttle <= safe,
                     Demand::Rpm(rpm) => rpm.get() <= ZK_IDLE,
                 };
-                // 0.5 s, 0.4 s, 2 s of a take-over that came to nothing, and the ramp.
+                // 0.5 s, 0.4 s, 2 s of a take-over that did not complete, and the ramp.
                 prop_assert!(age < 4_000_000 || low, "{:?} is {} µs old", demand, age);
             }
         }

@@ -1,5 +1,5 @@
-//! Speed control over the throttle: when it is refused, and what bounds it. How it holds a speed is in
-//! `tests/wire_governor.rs`.
+//! Speed control over the throttle: when it is refused, and its limits. `tests/wire_governor.rs` tests how it
+//! holds a speed.
 
 use embassy_time::Duration;
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
@@ -23,7 +23,7 @@ fn governed(change: impl FnOnce(&mut Governor)) -> EngineConfig {
     Ecu::Amt.with(|s| s.governor = Some(governor))
 }
 
-/// An engine at a throttle, whose shaft is reported at `rpm`, whose exhaust burns, and that the ECU reports as obeyed.
+/// An engine at a throttle that the ECU reports as obeyed, with its shaft at `rpm` and a hot exhaust.
 fn at(config: EngineConfig, throttle: u8, rpm: u32) -> Scenario {
     let mut scenario = Scenario::started_with(Ecu::Amt, config, percent(throttle));
     scenario.values.rpm = Some(rpm);
@@ -34,7 +34,7 @@ fn at(config: EngineConfig, throttle: u8, rpm: u32) -> Scenario {
     scenario
 }
 
-/// The throttle that goes out where anything does, in tenths of a percent: also while the life of the engine is in doubt.
+/// The throttle sent, if any, in tenths of a percent: also while the life of the engine is in doubt.
 fn throttle(scenario: &Scenario) -> u16 {
     match scenario.order() {
         Order::Run(Demand::Throttle(throttle)) | Order::Doubt(Demand::Throttle(throttle)) => {
@@ -53,7 +53,7 @@ fn throttles(sent: &[Wire]) -> Vec<u16> {
     sent.iter().map(tenths).collect()
 }
 
-/// What an AMT ECU with a fault says of the exhaust.
+/// Exhaust as an AMT ECU with a fault reports it.
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum Exhaust {
     Burns,
@@ -75,7 +75,7 @@ fn target(target: u32) -> Command {
     Command::Run(rpm(target))
 }
 
-/// Off by default; refused where no scale makes an rpm of the byte, or where it is old. The control: it is taken.
+/// Off by default; refused if the byte has no rpm scale, or is old. The control: it is accepted.
 #[test]
 fn an_rpm_is_refused_while_no_speed_is_known() {
     let mut scenario = at(Ecu::Amt.config(), 30, 50_000);
@@ -111,7 +111,8 @@ fn the_governor_takes_over_without_a_bump() {
     assert!(scenario.sent().iter().all(|wire| matches!(wire, Wire::Run(590..=610))));
 }
 
-/// The throttle in force is the one that was sent last, not the one that the ECU has last reported: a ZK ECU does so once in 0.9 s.
+/// The throttle in force is the one that was sent last, not the one that the ECU has last reported: a ZK ECU reports it once in 0.9
+/// s.
 #[test]
 fn the_governor_takes_over_from_the_throttle_that_was_sent() {
     let mut scenario = at(governed(|_| {}), 60, 80_000);
@@ -122,7 +123,7 @@ fn the_governor_takes_over_from_the_throttle_that_was_sent() {
     assert!(sent.iter().all(|wire| matches!(wire, Wire::Run(200..=210))), "{sent:?}");
 }
 
-/// Where a line error has cost it some speeds, it does not make up for them in one step. The control: it rises.
+/// After a line error has cost it some speeds, it does not catch up in one step. The control: it rises.
 #[test]
 fn the_governor_rises_at_its_rate_from_frame_to_frame_where_speeds_are_missing() {
     let mut scenario = at(governed(|g| g.slew = 300), 30, 60_000);
@@ -146,7 +147,7 @@ fn the_governor_rises_at_its_rate_from_frame_to_frame_where_speeds_are_missing()
     assert!(tenths.last() > Some(&500), "{tenths:?}");
 }
 
-/// Its output rises no faster than its slew and no higher than its authority, and comes back from there at once.
+/// Its output rises no faster than its slew and no higher than its authority, and returns from there at once.
 #[test]
 fn the_governor_is_limited_in_slew_and_authority() {
     let authority = Throttle::from_percent(70).unwrap();
@@ -160,7 +161,7 @@ fn the_governor_is_limited_in_slew_and_authority() {
         assert!(i < 50 || now == 700);
         before = now;
     }
-    // For a minute at its limit: the integral did not wind up.
+    // 1 minute at its limit: the integral did not wind up.
     scenario.fly_us(target(100_000), Origin::Rc, 60 * SECOND);
     scenario.values.rpm = Some(104_000);
     scenario.fly_us(target(100_000), Origin::Rc, 300_000);
@@ -184,7 +185,7 @@ fn settings_of_the_governor_take_effect_at_once() {
     assert_eq!(scenario.tenths(), 600);
 }
 
-/// A rise of less than 0.1 % from speed to speed is also one.
+/// A rise of less than 0.1 % per reported speed also counts.
 #[test]
 fn a_governor_rises_slowly_where_its_slew_is_slow() {
     let mut scenario = at(governed(|g| g.slew = 10), 30, 40_000);
@@ -192,7 +193,7 @@ fn a_governor_rises_slowly_where_its_slew_is_slow() {
     assert!((390..=401).contains(&scenario.tenths()), "1 % a second for 10 s: {}", scenario.tenths());
 }
 
-/// Speeds that are missing for 0.4 s make no large step of the rise: from one frame to the next it is limited by the slew.
+/// Speeds missing for 0.4 s do not cause a large step: the slew limits the rise from one frame to the next.
 #[test]
 fn the_governors_throttle_does_not_jump_behind_missing_speeds() {
     let mut scenario = at(governed(|_| {}), 30, 50_000);
@@ -213,8 +214,8 @@ fn the_governors_throttle_does_not_jump_behind_missing_speeds() {
     assert!(sent[0] <= 310 && sent.last() >= Some(&500), "it rises: {sent:?}");
 }
 
-/// Old telemetry is not taken: the throttle goes to idle, to the tick, and does not come back by itself. While faults
-/// come in place of a state whether the engine lives is in doubt, also where its exhaust burns; it is answered all the same.
+/// Old telemetry is not used: the throttle goes to idle, to the tick, and does not return unless speeds are reported. While
+/// faults replace the state, the life of the engine is in doubt even if its exhaust is hot; it is still answered.
 #[test]
 fn the_governor_never_holds_a_throttle_on_old_telemetry() {
     for exhaust in [Exhaust::Burns, Exhaust::Broken] {
@@ -253,7 +254,7 @@ fn the_governor_never_holds_a_throttle_on_old_telemetry() {
     }
 }
 
-/// On a line that is cut nothing goes out. When it is mended the governor continues from the throttle that the ECU reports.
+/// On a cut line nothing is sent. When it is mended, the governor continues from the throttle that the ECU reports.
 #[test]
 fn the_governor_resumes_where_it_was_when_a_cut_line_is_reconnected() {
     let mut scenario = at(governed(|_| {}), 60, 80_000);
@@ -268,7 +269,7 @@ fn the_governor_resumes_where_it_was_when_a_cut_line_is_reconnected() {
     assert!(sent.len() >= 19 && sent.iter().all(|wire| matches!(wire, Wire::Run(590..=610))), "{sent:?}");
 }
 
-/// A source that is lost: held, and then down from the throttle that the governor had set, never up.
+/// A lost source: the throttle set by the governor is held, then lowered, never raised.
 #[test]
 fn a_lost_source_lowers_the_governors_throttle() {
     let mut scenario = at(governed(|_| {}), 60, 80_000);
@@ -306,8 +307,8 @@ fn the_governor_resumes_after_a_reset() {
     assert!(!sent.is_empty() && sent.iter().all(|wire| matches!(wire, Wire::Run(590..=610))), "{sent:?}");
 }
 
-/// A line that is lost, or an ECU that reports only that it has a fault, is no source that is lost: nothing goes out or idle,
-/// and nothing shuts the engine down.
+/// A lost line, or an ECU that reports only faults, is not a lost source: nothing or idle is sent, and nothing shuts the
+/// engine down.
 #[test]
 fn a_lost_line_is_not_a_lost_source() {
     for fault in [false, true] {
@@ -336,7 +337,7 @@ fn a_lost_line_is_not_a_lost_source() {
     }
 }
 
-/// How old a speed may be for it is its own setting, not another's.
+/// The governor has its own setting for the largest age of a speed.
 #[test]
 fn a_speed_expires_after_its_own_setting() {
     for (link_stable, age, answer) in [
@@ -351,7 +352,7 @@ fn a_speed_expires_after_its_own_setting() {
     }
 }
 
-/// At the fail-safe of a limit it goes to idle: nothing says whether another throttle is above what is commanded.
+/// At the fail-safe of a limit it goes to idle: any other throttle might be above the commanded speed.
 #[test]
 fn a_limit_brings_a_governed_engine_to_idle() {
     let mut config = governed(|_| {});
@@ -363,15 +364,15 @@ fn a_limit_brings_a_governed_engine_to_idle() {
     scenario.values.egt_celsius = 720;
     scenario.fly_us(target(30_000), Origin::Rc, 5 * SECOND);
     assert_eq!(scenario.tenths(), 0);
-    // The control: a throttle goes to the one configured.
+    // The control: a throttle goes to the configured one.
     let mut scenario = at(config, 60, 80_000);
     scenario.values.egt_celsius = 720;
     scenario.fly_us(run(60), Origin::Rc, 5 * SECOND);
     assert_eq!(scenario.tenths(), 500);
 }
 
-/// What is retained of an rpm under the governor: the rpm while its source is in control, and the throttle of the stage of loss
-/// without one, so that a reset restores no speed that nobody commands any more.
+/// Retained state of an rpm under the governor: the rpm while its source is in control, otherwise the throttle of the stage of
+/// loss, so that a reset does not restore a speed that is no longer commanded.
 #[test]
 fn a_governed_rpm_is_retained_until_its_source_is_lost() {
     let mut scenario = at(governed(|_| {}), 50, 80_000);
@@ -384,8 +385,8 @@ fn a_governed_rpm_is_retained_until_its_source_is_lost() {
     assert_eq!(scenario.bench.machine.record().order, Order::Run(percent(0)));
 }
 
-/// An engine that is found by its exhaust after a brown-out, behind error sets, which have no speed. A source that commands an rpm all
-/// the time is not silent.
+/// An engine found by its exhaust after a brown-out, from error sets without a speed. A source that keeps commanding an rpm is not
+/// silent.
 #[test]
 fn an_rpm_that_is_commanded_before_any_speed_is_known_is_no_silence() {
     for commands in [true, false] {

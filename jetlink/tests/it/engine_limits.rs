@@ -1,4 +1,4 @@
-//! The limits: each with its value and its limit, two values in a row and never one. For both ECUs.
+//! The limits: each is violated by two consecutive values, never by one, and reported with value and limit. For both ECUs.
 
 use jetlink::command::{Accepted, Interlock, Order, Origin, Rejected};
 use jetlink::engine::config::Limits;
@@ -14,8 +14,8 @@ use crate::support::scenario::{
 };
 use bench::by_hand::at_us;
 
-/// A shaft that runs down after standby is not too slow, although the ECU reports a running engine a little longer; with the run in
-/// force it is, the control.
+/// A shaft that runs down after standby is not too slow, although the ECU reports a running engine a little longer; the control:
+/// with the run in force it is.
 #[test]
 fn a_shaft_that_runs_down_after_standby_is_not_too_slow() {
     for ecu in BOTH {
@@ -45,7 +45,7 @@ fn running(ecu: Ecu, change: impl FnOnce(&mut Limits)) -> Scenario {
     scenario
 }
 
-/// From now on its exhaust burns: an AMT ECU with a fault gives no other sign of life (AMT-8).
+/// From now on its exhaust is hot: an AMT ECU with a fault shows no other sign of life (AMT-8).
 fn burns(scenario: &mut Scenario) {
     scenario.values.egt_celsius = 500;
     scenario.fly_us(run(50), Origin::Rc, SECOND);
@@ -121,7 +121,7 @@ fn a_limit_is_violated_by_two_consecutive_values() {
                 // By default nothing is done.
                 assert_eq!(scenario.order(), Order::Run(percent(50)));
             }
-            // Reported again after a value within.
+            // Reported again after a value within the limit.
             let mut scenario = running(ecu, change);
             assert_eq!(reported_after(&mut scenario, 4, beyond).len(), 1);
             assert_eq!(reported_after(&mut scenario, 4, beyond).len(), 1);
@@ -202,7 +202,7 @@ fn a_hot_start_is_a_fast_rise_of_temperature_in_a_start() {
                 assert_eq!(violations, [], "{ecu:?} {rate} {reports:?}");
             }
         }
-        // One odd frame, hot or cold, at whatever phase of the sampling, is no hot start.
+        // One odd frame, hot or cold, at whatever phase of the sampling, is not a hot start.
         for odd in [1_000, -40] {
             for wait in 0..12 {
                 let config = ecu.with(|s| s.limits.over_temperature = Limit::NONE);
@@ -243,21 +243,21 @@ fn run_down(ecu: Ecu, before: &[u8], demand: u8) -> Vec<LimitKind> {
     scenario.limits()
 }
 
-/// Flame-out: the speed falls without a command. After a lower demand that is what was commanded.
+/// Flame-out: the speed falls without a command. After a lower demand, the fall was commanded.
 #[test]
 fn a_flame_out_is_a_fall_of_speed_without_a_command() {
     for ecu in BOTH {
         assert_eq!(run_down(ecu, &[], 50), [LimitKind::FlameOut], "{ecu:?}");
         assert_eq!(run_down(ecu, &[], 20), [], "{ecu:?}: it was commanded");
-        // A higher demand is no excuse, and the noise of a stick neither.
+        // A higher demand does not explain it, and neither does the noise of a stick.
         assert_eq!(run_down(ecu, &[], 60), [LimitKind::FlameOut], "{ecu:?}");
         assert_eq!(run_down(ecu, &[51, 50, 51, 50, 51, 50], 50), [LimitKind::FlameOut], "{ecu:?}");
-        // A slow lowering is one.
+        // A slowly lowered demand does.
         assert_eq!(run_down(ecu, &[49, 48, 47, 46, 45, 44], 43), [], "{ecu:?}");
     }
 }
 
-/// A demand that was lowered in a gap reaches the ECU only afterwards: then the shaft runs down because of it.
+/// A demand lowered in a gap reaches the ECU only afterwards: then it explains a falling shaft speed.
 #[test]
 fn zk_a_demand_that_was_lowered_in_a_gap_explains_a_fall_after_it() {
     for (in_gap, limits) in [(20, &[][..]), (50, &[LimitKind::FlameOut])] {
@@ -280,7 +280,7 @@ fn zk_a_demand_that_was_lowered_in_a_gap_explains_a_fall_after_it() {
     }
 }
 
-/// AMT error sets carry no shaft speed: what the demand took of it meanwhile was not lost since the last of them.
+/// AMT error sets carry no shaft speed: a fall due to the demand meanwhile did not happen since the last of them.
 #[test]
 fn amt_a_fall_among_error_sets_is_no_flame_out() {
     let fall = |fault: u8, lowered: u8| {
@@ -297,11 +297,11 @@ fn amt_a_fall_among_error_sets_is_no_flame_out() {
         scenario.limits()
     };
     assert_eq!(fall(2, 20), []);
-    // Between two sets that carry it, it is one.
+    // Between two sets with a shaft speed, it is a flame-out.
     assert_eq!(fall(0, 50), [LimitKind::FlameOut]);
 }
 
-/// One odd shaft speed is no flame-out, whatever it is, and with or without a limit for what is plausible.
+/// One odd shaft speed is not a flame-out, whatever its value, with or without a plausibility limit.
 #[test]
 fn one_odd_shaft_speed_is_no_flame_out() {
     for ecu in BOTH {
@@ -322,8 +322,8 @@ fn one_odd_shaft_speed_is_no_flame_out() {
     }
 }
 
-/// A change that no turbine makes is reported when it lasts for two frames; frames that are read late and at once are no
-/// such change.
+/// A change that no turbine makes is reported when it lasts for two frames; frames read late and all at once do not
+/// count.
 #[test]
 fn a_change_that_no_turbine_makes_is_reported_after_two_frames() {
     for ecu in BOTH {
@@ -379,7 +379,7 @@ fn a_low_supply_is_reported_where_a_limit_is_set() {
     }
 }
 
-/// A board that measures its supply replaces an ECU that reports none, and for no other.
+/// A board's measured supply counts only for an ECU that reports none.
 #[test]
 fn the_supply_of_the_board_counts_where_the_ecu_reports_none() {
     for (reported, counts) in [(None, true), (Some(120), false)] {
@@ -403,7 +403,7 @@ fn the_supply_of_the_board_counts_where_the_ecu_reports_none() {
         assert_eq!(shown, if counts { 10_400 } else { 24_000 });
         measured(&mut scenario, 10_500);
         assert_eq!(scenario.start_refusals(run(0), Origin::Rc), []);
-        // The limit takes two values in a row, as it does of an ECU.
+        // The limit needs two consecutive values, as for an ECU.
         for (millivolts, expected) in [(9900, 0), (10_100, 0), (9900, 0), (9900, usize::from(counts))] {
             measured(&mut scenario, millivolts);
             assert_eq!(scenario.limits(), vec![LimitKind::SupplyLow; expected], "{millivolts} mV");
@@ -411,7 +411,7 @@ fn the_supply_of_the_board_counts_where_the_ecu_reports_none() {
     }
 }
 
-/// A fault that the ECU reports, in two reports in a row; the event carries its number.
+/// A fault in two consecutive reports of the ECU; the event carries its number.
 #[test]
 fn a_fault_of_the_ecu_is_reported_after_two_reports_with_its_number() {
     for ecu in BOTH {
@@ -433,7 +433,7 @@ fn a_fault_of_the_ecu_is_reported_after_two_reports_with_its_number() {
     }
 }
 
-/// The actions: none by default, the fail-safe throttle by its ramp, standby at once and not back by a stream of run.
+/// The actions: none by default, the fail-safe throttle on its ramp, standby at once, which a stream of run does not undo.
 #[test]
 fn each_limit_takes_its_action() {
     for ecu in BOTH {
@@ -548,7 +548,7 @@ fn a_limit_acts_after_a_reset() {
         (true, Action::Standby),
     ] {
         for ecu in BOTH {
-            // A ZK ECU reports what its engine does along with a fault.
+            // A ZK ECU also reports the engine's state with a fault.
             let config = ecu.with(|s| {
                 s.limits.over_temperature = Limit { at: Some(Celsius::from_tenths(7000)), action };
                 s.limits.ecu_fault = action;
@@ -560,7 +560,7 @@ fn a_limit_acts_after_a_reset() {
             scenario.fly_us(run(60), Origin::Rc, 5 * SECOND);
             let expected = match action {
                 Action::Standby => Order::Standby,
-                // With faults in place of a state nothing says that it runs: its exhaust burns, and it is answered.
+                // With faults in place of a state nothing shows that it runs: its exhaust is hot, and it is answered.
                 _ if faults_only && ecu == Ecu::Amt => Order::Doubt(percent(0)),
                 _ => Order::Run(percent(0)),
             };
@@ -572,7 +572,7 @@ fn a_limit_acts_after_a_reset() {
     }
 }
 
-/// An engine that its limit shut down has failed: the others are informed. One that never ran has not.
+/// An engine that its limit shut down has failed: the others are informed. An engine that never ran has not failed.
 #[test]
 fn an_engine_that_its_limit_shut_down_has_failed() {
     for ecu in BOTH {
@@ -592,7 +592,7 @@ fn an_engine_that_its_limit_shut_down_has_failed() {
     }
 }
 
-/// The very first shaft speed may be the odd one.
+/// The first shaft speed may be the odd one.
 #[test]
 fn one_odd_shaft_speed_after_a_reset_is_not_implausible() {
     let config = Ecu::Amt.with(|s| s.limits.implausible.action = Action::Standby);
@@ -602,7 +602,7 @@ fn one_odd_shaft_speed_after_a_reset_is_not_implausible() {
     scenario.odd(Reports::Running, Values { rpm: Some(120_000), ..scenario.values });
     scenario.fly_us(run(60), Origin::Rc, 2 * SECOND);
     assert_eq!((scenario.limits(), scenario.order()), (vec![], Order::Run(percent(60))));
-    // The control: two of them are.
+    // The control: two of them are implausible.
     for _ in 0..2 {
         scenario.pass_us(1000);
         scenario.odd(Reports::Running, Values { rpm: Some(120_000), ..scenario.values });

@@ -26,7 +26,7 @@ fn starting(code: u8, name: &'static str) -> EngineState {
     EngineState::Starting(EcuState { code, name })
 }
 
-/// AMT-3: each state with each switch and a shaft that turns or not. Not what was commanded: nothing was.
+/// AMT-3: each state with each switch and a shaft that turns or not. The phase does not come from a command: there was none.
 #[test]
 fn amt_3_each_state_is_reported_as_its_phase() {
     use EngineState::*;
@@ -59,12 +59,12 @@ fn amt_3_each_state_is_reported_as_its_phase() {
         }
         let shown = scenario.telemetry().state;
         match (shown, expected) {
-            // The names of the steps are the codec's, tested there.
+            // The codec's own tests check the names of the steps.
             (Starting(shown), Starting(expected)) => assert_eq!(shown.code, expected.code),
             _ => assert_eq!(shown, expected, "{state:#07b} {switch:#05b} {raw_rpm}"),
         }
     }
-    // AMT-8: an error set carries no state. What was reported before counts for 3 s, then the fault is all that is known.
+    // AMT-8: an error set carries no state. The previous state counts for 3 s, then only the fault is known.
     let mut scenario = Scenario::started(Ecu::Amt, percent(0));
     scenario.values.fault = 0x01;
     scenario.pass_us(2_900_000);
@@ -88,7 +88,7 @@ fn zk_each_state_is_reported_as_its_phase() {
                 1 if running => EngineState::StartRequested,
                 1 => EngineState::Standby,
                 2..=11 | 13 if ending => EngineState::ShuttingDown,
-                // With a switch without a name the state is enough.
+                // With an unnamed switch the state is enough.
                 2..=5 | 13 => starting(code, ""),
                 6..=11 => EngineState::Running,
                 12 => EngineState::Cooling,
@@ -134,7 +134,7 @@ fn a_state_is_as_old_as_its_report() {
     }
 }
 
-/// What is commanded does not show in the state.
+/// A command does not affect the reported state.
 #[test]
 fn a_state_is_never_taken_from_a_command() {
     for ecu in BOTH {
@@ -156,7 +156,7 @@ fn refused(interlock: Interlock) -> Result<Accepted, Rejected> {
     Err(Rejected::Start(interlock))
 }
 
-/// The control for all that follows: ready, and it starts.
+/// The control for all following tests: a ready engine starts.
 #[test]
 fn an_engine_that_is_ready_starts() {
     for ecu in BOTH {
@@ -168,7 +168,7 @@ fn an_engine_that_is_ready_starts() {
     }
 }
 
-/// After power-up nothing is ordered but standby, and a stream of run alone starts nothing.
+/// After power-up only standby is ordered, and a stream of run alone starts nothing.
 #[test]
 fn a_stream_of_run_alone_starts_nothing() {
     for ecu in BOTH {
@@ -187,8 +187,8 @@ fn a_stream_of_run_alone_starts_nothing() {
     }
 }
 
-/// A source that commanded armed before an emergency stop has to command disarmed first. Where another source has armed meanwhile, this
-/// prevents no start.
+/// A source that commanded armed before an emergency stop has to command disarmed first. If another source has armed meanwhile, this
+/// does not prevent a start.
 #[test]
 fn disarm_first_is_announced_only_while_nobody_else_has_armed() {
     for ecu in BOTH {
@@ -206,7 +206,7 @@ fn disarm_first_is_announced_only_while_nobody_else_has_armed() {
     }
 }
 
-/// `Scenario` compares each answer to a run with what was announced; here all of it has to be announced at once.
+/// `Scenario` compares each answer to a run with what was announced; here all reasons have to be announced at once.
 #[test]
 fn everything_that_keeps_an_engine_from_a_start_is_announced_in_the_order_of_refusals() {
     for ecu in BOTH {
@@ -273,7 +273,7 @@ fn a_start_needs_standby() {
     }
 }
 
-/// The band for idle, to its edge; an rpm up to the idle rpm that the ECU gives.
+/// The idle band, to its edge; an rpm up to the idle rpm that the ECU reports.
 #[test]
 fn a_start_needs_a_demand_at_idle() {
     for ecu in BOTH {
@@ -315,7 +315,7 @@ fn a_start_needs_a_link_that_is_up_for_long_enough() {
         scenario.silent().fly_us(Command::Standby, Origin::Rc, 2 * SECOND);
         assert_eq!(scenario.command(run(0)), refused(Interlock::Link), "{ecu:?}: lost");
 
-        // After a gap that is no loss of the link it begins with the first frame.
+        // After a gap without a loss of the link, the time begins with the first frame.
         for (millis, answer) in [(1400, refused(Interlock::Link)), (1600, Ok(Accepted::InForce))] {
             let mut scenario = Scenario::ready(ecu, config);
             let gap = if ecu == Ecu::Amt { 900_000 } else { 400_000 };
@@ -356,7 +356,7 @@ fn a_start_needs_a_cool_exhaust() {
         scenario.command(Command::Standby).unwrap();
         assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce), "{ecu:?}");
     }
-    // An old temperature is none.
+    // An old temperature does not count.
     let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
     scenario.silent();
     // Without a gap.
@@ -396,8 +396,8 @@ fn a_start_needs_a_sufficient_supply_where_it_is_known() {
     }
 }
 
-/// Each engine says for how long the others have to wait: while it starts, and for the gap. An engine that waits starts with its
-/// source's next command.
+/// Each engine makes the others wait while it starts, and for the gap after it. A waiting engine starts at its source's next
+/// command.
 #[test]
 fn one_engine_of_a_group_starts_at_a_time() {
     for ecu in BOTH {
@@ -417,7 +417,7 @@ fn one_engine_of_a_group_starts_at_a_time() {
         scenario.reports(Reports::Running);
         assert!(!keeps(&scenario, scenario.now_us()), "{ecu:?}");
 
-        // Quick: the gap is what matters.
+        // A quick start: the gap decides.
         let mut scenario = Scenario::ready(ecu, ecu.config());
         scenario.command(run(0)).unwrap();
         let started = scenario.now_us();
@@ -477,7 +477,7 @@ fn an_engine_that_stopped_is_not_restarted_by_a_stream_of_run() {
     }
 }
 
-/// Two reports in a row, not one: on a noisy line a damaged frame can report so of an engine that runs.
+/// Two reports in a row, not one: on a noisy line a damaged frame can report this for a running engine.
 #[test]
 fn one_odd_report_does_not_cancel_a_run() {
     for ecu in BOTH {
@@ -538,7 +538,7 @@ fn the_throttle_stays_at_idle_until_the_engine_runs() {
 }
 
 /// AMT-14, ZK: one odd report does not bring a running engine to idle, neither on the wire nor for a moment. Whatever it
-/// says, nothing else than the demand goes out, and ID 0 or no reply while the life of the engine is in doubt.
+/// reports, only the demand is sent, and ID 0 or no reply while the life of the engine is in doubt.
 #[test]
 fn one_odd_report_does_not_drop_the_throttle() {
     for ecu in BOTH {
@@ -572,7 +572,7 @@ fn one_odd_report_does_not_drop_the_throttle() {
     }
 }
 
-/// Too long a start goes to standby, with an event that names the limit in force; a stream of run starts nothing.
+/// A start that takes too long goes to standby, with an event that names the limit in force; a stream of run starts nothing.
 #[test]
 fn a_start_times_out_exactly_to_the_tick() {
     for ecu in BOTH {
@@ -597,7 +597,7 @@ fn a_start_times_out_exactly_to_the_tick() {
             assert_eq!(violations[0].at, at_us(start + 20 * SECOND));
             assert_eq!(scenario.command(run(0)), Err(Rejected::StandbyFirst));
         }
-        // The control: it runs in time, and that is that.
+        // The control: it runs in time.
         let config = ecu.with(|s| s.start.timeout = Duration::from_secs(20));
         let mut scenario = Scenario::started_with(ecu, config, percent(0));
         scenario.fly_us(run(0), Origin::Rc, 30 * SECOND);
@@ -606,7 +606,7 @@ fn a_start_times_out_exactly_to_the_tick() {
     }
 }
 
-/// Where the ECU reports its own start-up time, twice that time applies, and the event shows it.
+/// If the ECU reports its own start-up time, twice that time applies, and the event shows it.
 #[test]
 fn a_start_times_out_after_twice_the_ecus_own_start_up_time() {
     let mut scenario = Scenario::with(Ecu::Zk, Ecu::Zk.config());
@@ -634,7 +634,7 @@ fn a_start_times_out_after_twice_the_ecus_own_start_up_time() {
     assert_eq!(violations[0].at, at_us(start + twice));
 }
 
-/// Not for shorter than an engine can start in, and not without end: the range of the configured time.
+/// The range of the configured time applies: not shorter than an engine needs to start, and not endless.
 #[test]
 fn the_ecus_own_start_up_time_has_bounds() {
     for (tenths_of_a_second, seconds) in [(5u16, 5), (40, 8), (0xFFF, 600)] {
@@ -653,8 +653,8 @@ fn the_ecus_own_start_up_time_has_bounds() {
     }
 }
 
-/// Sources that command a start while the node still listens are answered so, or that there is nothing to be received. A stream
-/// of standby is obeyed after the second in which a higher source could have commanded.
+/// A source that commands a start while the node still listens is answered accordingly, or that nothing is received. A stream
+/// of standby is obeyed after 1 s in which a higher source could have commanded.
 #[test]
 fn no_source_starts_an_engine_while_the_node_listens() {
     for ecu in BOTH {
@@ -680,7 +680,7 @@ fn no_source_starts_an_engine_while_the_node_listens() {
     }
 }
 
-/// An rpm demand needs an ECU that has it. More than the engine's maximum is the maximum, and reported once.
+/// An rpm demand needs an ECU with speed control. A demand above the engine's maximum is clamped to it, and reported once.
 #[test]
 fn an_rpm_demand_needs_speed_control() {
     let mut scenario = Scenario::ready(Ecu::Amt, Ecu::Amt.config());
@@ -699,7 +699,7 @@ fn an_rpm_demand_needs_speed_control() {
     assert_eq!(reported, [Event::Clamped(Rpm::new(ZK_MAX))]);
 }
 
-/// One odd report of a running engine during a start, perhaps of a damaged frame, neither lets the demand out nor ends the
+/// One odd report of a running engine during a start, perhaps of a damaged frame, neither releases the demand nor ends the
 /// time of the start. Two do.
 #[test]
 fn one_odd_report_does_not_end_a_start() {

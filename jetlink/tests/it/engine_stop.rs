@@ -52,14 +52,14 @@ fn a_stop_is_sent_at_once() {
     }
 }
 
-/// Nothing delays a stop: not commands without number, and not events that nobody takes out.
+/// Nothing delays a stop: neither a flood of commands nor events that nobody takes.
 #[test]
 fn a_stop_waits_for_nothing() {
     for ecu in BOTH {
         let mut scenario = Scenario::started(ecu, percent(50));
         scenario.pass_us(FRAME_PERIOD_US - 1);
         let now = at_us(scenario.now_us());
-        // Nobody takes anything out meanwhile.
+        // Nobody takes frames or events meanwhile.
         let machine = &mut scenario.bench.machine;
         for percent in (0..=100).cycle().take(10_000) {
             machine.command(now, run(percent), Origin::Rc, true).unwrap();
@@ -148,7 +148,7 @@ fn a_stop_is_released_by_its_source_or_a_higher_one() {
     }
 }
 
-/// Where the ECU is received and reports an engine that does not run.
+/// Only if the ECU is received and reports an engine that does not run.
 #[test]
 fn a_stop_is_released_only_when_the_engine_has_stopped() {
     for ecu in BOTH {
@@ -161,7 +161,7 @@ fn a_stop_is_released_only_when_the_engine_has_stopped() {
             assert_eq!(scenario.command(Command::ReleaseStop), expected, "{ecu:?} {reports:?}");
             assert_eq!(scenario.telemetry().stop_latched, !stopped);
         }
-        // For one second and for ten: an ECU that is not received reports nothing of its engine.
+        // For 2 s and for 10 s: an ECU that is not received reports nothing of its engine.
         for seconds in [2, 10] {
             let mut scenario = Scenario::started(ecu, percent(0));
             scenario.command(Command::EmergencyStop).unwrap();
@@ -174,7 +174,7 @@ fn a_stop_is_released_only_when_the_engine_has_stopped() {
     }
 }
 
-/// AMT-8: an ECU that reports errors and nothing else gives no state: its last one must not keep the stop forever.
+/// AMT-8: an ECU that reports only errors gives no state: its last one must not keep the stop forever.
 #[test]
 fn amt_8_a_stop_can_be_released_while_the_ecu_reports_errors() {
     let mut scenario = Scenario::started(Ecu::Amt, percent(0));
@@ -212,7 +212,7 @@ fn a_stop_is_released_only_at_idle() {
     }
 }
 
-/// The demand of a run that has ended before the stop does not keep it.
+/// The demand of a run that ended before the stop does not prevent its release.
 #[test]
 fn the_demand_of_a_run_that_ended_does_not_keep_a_stop() {
     for ecu in BOTH {
@@ -229,7 +229,8 @@ fn the_demand_of_a_run_that_ended_does_not_keep_a_stop() {
     }
 }
 
-/// A release is standby, and no start: that begins with standby, as always. Without a stop it changes nothing.
+/// A release is a standby but does not permit a start: a start needs its own standby, as always. Without a stop it changes
+/// nothing.
 #[test]
 fn a_release_allows_no_start() {
     for ecu in BOTH {
@@ -239,7 +240,7 @@ fn a_release_allows_no_start() {
         assert_eq!((scenario.order(), scenario.wire()), (Order::Standby, Wire::Standby));
         scenario.fly_us(run(0), Origin::Rc, 2 * SECOND);
         assert_eq!(scenario.command(run(0)), Err(Rejected::StandbyFirst), "{ecu:?}");
-        // Nor does it arm. The refusal says what the source has to do, as its "arm" would be refused.
+        // Nor does it arm. The refusal states what the source has to do, as its "arm" would be refused.
         scenario.command(Command::Standby).unwrap();
         assert_eq!(scenario.command(run(0)), Err(Rejected::DisarmFirst), "{ecu:?}");
         assert_eq!(scenario.command(Command::Arm), Err(Rejected::DisarmFirst), "{ecu:?}");
@@ -274,18 +275,18 @@ fn record(order: Order, origin: Origin) -> Option<RetainedState> {
     Some(RetainedState::new(order, origin).with(|state| state.armed = true))
 }
 
-/// Of an engine that has reached running.
+/// Record of an engine that has reached running.
 fn retained_run(demand: Demand) -> Option<RetainedState> {
     record(Order::Run(demand), Origin::Rc)
 }
 
-/// Of one that has not.
+/// Record of an engine that has not.
 fn start_cut_short() -> Option<RetainedState> {
     retained_run(percent(0)).map(|retained| retained.with(|state| state.ran = false))
 }
 
-/// It listens first: ZK sends ID 0 and nothing else, AMT nothing, for as long as nothing is received. Only a standby that was
-/// in force continues at once, because it can start nothing.
+/// It listens first: as long as nothing is received, ZK sends only ID 0, and AMT nothing. Only a standby that was in force
+/// continues at once, because it can start nothing.
 #[test]
 fn after_a_reset_the_node_listens_first() {
     for (retained, order) in [
@@ -314,7 +315,7 @@ fn after_a_reset_the_node_listens_first() {
     assert!(sent.len() >= 20 && sent.iter().all(|wire| *wire == Wire::Standby), "{sent:?}");
 }
 
-/// An engine that runs continues with what was retained, without a change on the wire, under the source that was in control: from the
+/// A running engine continues with its retained order, without a change on the wire, under the source that was in control: from the
 /// second report that shows it. One is not enough.
 #[test]
 fn a_running_engine_resumes_with_its_retained_order() {
@@ -338,8 +339,8 @@ fn a_running_engine_resumes_with_its_retained_order() {
         assert_eq!(scenario.command(run(65)), Ok(Accepted::InForce));
         assert_eq!(scenario.telemetry().loss, LossStage::None);
 
-        // A state without a name confirms nothing. An AMT ECU whose shaft turns is answered all the same, a ZK ECU receives
-        // ID 0, until the doubt has lasted too long.
+        // An unnamed state confirms nothing. An AMT ECU whose shaft turns is answered all the same, a ZK ECU receives ID 0,
+        // until the doubt has lasted too long.
         let mut scenario = Scenario::after_reset(ecu, ecu.config(), retained_run(percent(60)));
         scenario.introduce();
         scenario.values.half_percents = 120;
@@ -363,8 +364,8 @@ fn a_running_engine_resumes_with_its_retained_order() {
     }
 }
 
-/// A reset in the middle of a start ends it: nothing says how far it was, and whether the ECU restarted meanwhile. AMT: at
-/// a shaft below half of idle; above it the set is one of those that are answered.
+/// A reset in the middle of a start ends it: it is unknown how far it was, and whether the ECU restarted meanwhile. AMT:
+/// with a shaft below half of idle; above it the set is answered.
 #[test]
 fn a_reset_ends_a_start() {
     for (ecu, rpm) in [(Ecu::Amt, 2_000), (Ecu::Zk, 2_000), (Ecu::Zk, TURNING)] {
@@ -382,7 +383,7 @@ fn a_reset_ends_a_start() {
         scenario.fly_us(run(60), Origin::Rc, SECOND);
         let sent = scenario.sent();
         assert!(sent.iter().all(|wire| *wire == Wire::Standby), "{ecu:?} {sent:?}");
-        // The control: one that has reached running continues.
+        // The control: an engine that has reached running continues.
         before.values.rpm = Some(TURNING);
         before.reports(Reports::Running);
         before.fly_us(run(60), Origin::Rc, 2 * SECOND);
@@ -392,8 +393,8 @@ fn a_reset_ends_a_start() {
     }
 }
 
-/// Nothing was retained, as after a power-up: what the ECU reports it obeys, under the stages of loss until a source commands. Two
-/// reports have to agree, on an AMT ECU's throttle too.
+/// Nothing was retained, as after a power-up: the engine continues with the demand that its ECU reports, under the stages of loss
+/// until a source commands. Two reports have to agree, on an AMT ECU's throttle too.
 #[test]
 fn a_running_engine_resumes_with_what_its_ecu_reports() {
     for ecu in BOTH {
@@ -461,7 +462,7 @@ fn a_running_engine_resumes_with_what_its_ecu_reports() {
     assert_eq!(scenario.order(), Order::Run(percent(0)), "it reports a running engine");
 }
 
-/// A retained rpm waits for a report that the ECU knows speed control; else it would fall to a throttle.
+/// A retained rpm waits for a report that the ECU knows speed control; otherwise it would become a throttle.
 #[test]
 fn a_retained_rpm_resumes_as_an_rpm() {
     let mut scenario = Scenario::after_reset(Ecu::Zk, Ecu::Zk.config(), retained_run(rpm(90_000)));
@@ -476,7 +477,7 @@ fn a_retained_rpm_resumes_as_an_rpm() {
     assert!(sent.len() >= 19 && sent.iter().all(|wire| *wire == Wire::RpmControl), "{sent:?}");
 }
 
-/// Where no engine runs it is standby, whatever was retained; and no start follows from a stream of run.
+/// If no engine runs, standby follows, whatever was retained; a stream of run does not start it.
 #[test]
 fn after_a_reset_an_engine_that_does_not_run_is_in_standby() {
     for ecu in BOTH {
@@ -504,7 +505,7 @@ fn after_a_reset_an_engine_that_does_not_run_is_in_standby() {
     assert_eq!(scenario.sent(), [Wire::Standby]);
 }
 
-/// Standby that was under way is taken up again, not undone.
+/// A standby in progress is resumed, not undone.
 #[test]
 fn a_shutdown_resumes_after_a_reset() {
     for ecu in BOTH {
@@ -516,7 +517,7 @@ fn a_shutdown_resumes_after_a_reset() {
     }
 }
 
-/// A latched stop survives, does not wait, and is still its source's to release.
+/// A latched stop survives, does not wait, and can still be released by its source.
 #[test]
 fn a_latched_stop_survives_a_reset() {
     for ecu in BOTH {
@@ -532,7 +533,7 @@ fn a_latched_stop_survives_a_reset() {
             let not_yours = Err(Rejected::NotYours(Origin::Emergency));
             assert_eq!(scenario.command(Command::ReleaseStop), not_yours);
         }
-        // And what is retained of it is the same again, but for arming, which a stop ends, and one more reset.
+        // Its retained state is the same again, except for arming, which a stop ends, and one more reset.
         let retained = record(Order::EmergencyStop, Origin::Emergency);
         let scenario = Scenario::after_reset(ecu, ecu.config(), retained);
         let again = retained.map(|retained| {
@@ -545,8 +546,8 @@ fn a_latched_stop_survives_a_reset() {
     }
 }
 
-/// An AMT ECU with a fault sends, and does not report the state of its engine: what was retained counts for as much as the exhaust
-/// says. Without a record nothing is in force, until the stages of loss have run out.
+/// An AMT ECU with a fault sends, and does not report the state of its engine: the exhaust decides whether the retained state
+/// counts. Without a record nothing is in force, until the stages of loss have run out.
 #[test]
 fn amt_8_after_a_reset_the_exhaust_decides_if_the_ecu_has_a_fault() {
     let run = retained_run(percent(60));
@@ -572,8 +573,8 @@ fn amt_8_after_a_reset_the_exhaust_decides_if_the_ecu_has_a_fault() {
     }
 }
 
-/// Without an order, silence from before a reset counts as it would have without one: from the end of a source's timeout on. A healthy
-/// engine whose ECU is not received is not shut down before the stages of loss have run out.
+/// Without an order, silence from before a reset counts as it would without the reset: from the end of a source's timeout on. A
+/// healthy engine whose ECU is not received is not shut down before the stages of loss have run out.
 #[test]
 fn silence_before_a_reset_counts_beyond_the_timeout_of_a_source() {
     for ecu in BOTH {
@@ -596,7 +597,7 @@ fn silence_before_a_reset_counts_beyond_the_timeout_of_a_source() {
     }
 }
 
-/// What is retained is what is in force: a reset does not raise a throttle that a stage of loss has lowered.
+/// The order in force is retained: a reset does not raise a throttle that a stage of loss has lowered.
 #[test]
 fn the_retained_order_is_the_one_in_force() {
     for ecu in BOTH {
@@ -618,7 +619,7 @@ fn the_retained_order_is_the_one_in_force() {
         scenario.shut_down().unwrap();
         assert_eq!(scenario.bench.machine.record().order, Order::Standby);
 
-        // While it is in doubt, what was retained stays retained, and the reset counts; arming counts.
+        // In doubt, the retained state is kept, the reset is counted, and arming counts.
         let mut scenario = Scenario::after_reset(ecu, ecu.config(), retained_run(percent(60)));
         let again = scenario.bench.machine.record();
         assert_eq!(
@@ -636,7 +637,7 @@ fn the_retained_order_is_the_one_in_force() {
 }
 
 /// A source that was lost stays lost after a reset: it is in control when it has commanded for a while. The stages of loss do not restart
-/// either: a node that is reset again and again does not hold a demand that no source commands any more.
+/// either: a node that is reset repeatedly does not hold a demand that no source commands.
 #[test]
 fn a_lost_source_stays_lost() {
     for ecu in BOTH {
@@ -698,7 +699,7 @@ fn a_retained_stop_stays_with_the_higher_source() {
     }
 }
 
-/// AMT-13: a reset while CTF is in force does not call the shutdown off; it ends as a normal one.
+/// AMT-13: a reset while CTF is in force does not cancel the shutdown; it ends as a normal one.
 #[test]
 fn a_reset_does_not_cancel_ctf() {
     let mut before = Scenario::started(Ecu::Amt, percent(50));
@@ -707,7 +708,7 @@ fn a_reset_does_not_cancel_ctf() {
     let mut scenario = before.reset(Ecu::Amt.config());
     scenario.fly_us(run(50), Origin::Rc, SECOND);
     assert_eq!((scenario.order(), scenario.wire()), (Order::Standby, Wire::Standby));
-    // And the engine that it stopped was commanded to.
+    // And the engine stopped by command.
     before.reports(Reports::Cooling);
     assert_eq!((before.order(), before.bench.machine.failed()), (Order::Standby, false));
 }

@@ -1,5 +1,5 @@
-//! A transmitter that fails or hangs for 1 s is reported, once, and so is its first frame afterwards. What it did not send is no demand
-//! that the next one begins from.
+//! A transmitter that fails or hangs for 1 s is reported, once, and so is its first frame afterwards. The next demand does not begin
+//! from one that was not sent.
 
 use jetlink::command::Origin;
 use jetlink::event::Event;
@@ -8,7 +8,7 @@ use jetlink::report::NotSent;
 use crate::support::scenario::{BOTH, Ecu, FRAME_PERIOD_US, Reports, SECOND, Scenario, Wire, percent, run};
 use bench::by_hand::at_us;
 
-/// What is reported of the transmitter of a running engine none of whose frames are sent, for `why`, for this long.
+/// Reports about the transmitter of a running engine while no frame is sent for `millis` ms, because of `why`.
 fn reported(ecu: Ecu, why: NotSent, millis: u64) -> (Vec<Event>, bool) {
     let mut scenario = Scenario::started_with(ecu, ecu.config(), percent(50));
     scenario.reports(Reports::Running).fly_us(run(50), Origin::Rc, 2 * SECOND);
@@ -47,7 +47,7 @@ fn a_transmitter_that_fails_for_a_second_is_reported_once() {
             assert_eq!(reported(ecu, why, 2500), (failed, true), "{ecu:?} {why:?}");
             assert_eq!(reported(ecu, why, 800), (vec![], false), "{ecu:?} {why:?}");
         }
-        // A reply that is too late says nothing about the transmitter.
+        // A reply that is too late shows nothing about the transmitter.
         assert_eq!(reported(ecu, NotSent::TooLate, 2500), (vec![], false), "{ecu:?}");
     }
 }
@@ -71,7 +71,7 @@ fn next_frame(scenario: &mut Scenario) -> Wire {
     scenario.sent().pop().expect("a switch and a demand")
 }
 
-/// The first throttle that is handed out after this number of frames at idle, and then at 100 %, were not sent, for `why`.
+/// The first throttle handed out after so many unsent frames at idle, and then at 100 %, because of `why`.
 fn first_throttle_behind(ecu: Ecu, why: NotSent, at_idle: usize, at_full: usize) -> Wire {
     let mut scenario = Scenario::started_with(ecu, ecu.config(), percent(0));
     scenario.reports(Reports::Running).fly_us(run(0), Origin::Rc, 2 * SECOND);
@@ -86,7 +86,7 @@ fn first_throttle_behind(ecu: Ecu, why: NotSent, at_idle: usize, at_full: usize)
     next_frame(&mut scenario)
 }
 
-/// Whether the frame that was not sent came before the stick moved or after it. The control: where all were sent, it jumps.
+/// Whether the unsent frames came before or after the stick moved. The control: if all were sent, it jumps.
 #[test]
 fn a_demand_behind_frames_that_were_not_sent_rises_from_the_one_that_was_sent() {
     for ecu in BOTH {

@@ -27,7 +27,7 @@ fn the_readme_has_the_table() {
     pages::compare(readme, begin, "<!-- led end -->\n", &table);
 }
 
-/// It calls people: not while nothing is to be done.
+/// It calls people, so it is quiet while there is nothing to do.
 #[test]
 fn a_buzzer_beeps_when_an_engine_is_armed_and_when_somebody_has_to_look() {
     let silent: Vec<_> = Indication::ALL.into_iter().filter(|shows| !shows.beeps()).collect();

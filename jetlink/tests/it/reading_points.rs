@@ -1,5 +1,5 @@
 //! Every reading point of the two protocols is asserted by a test that names it, and cited where the code
-//! obeys it, so that a user with a differing ECU finds the one place to change.
+//! follows it, so that a user with a differing ECU finds the one place to change.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -26,7 +26,7 @@ fn sources(folder: &str) -> Vec<String> {
     files.into_iter().map(|file| fs::read_to_string(file).expect("file is text")).collect()
 }
 
-/// Whether `text` holds `name` with neither a letter nor a digit around it: `ZK-1` is not in `ZK-16`.
+/// Whether `text` contains `name` without a letter or digit next to it: `ZK-1` is not in `ZK-16`.
 fn names(text: &str, name: &str) -> bool {
     text.match_indices(name).any(|(at, _)| {
         let before = text[..at].chars().next_back();

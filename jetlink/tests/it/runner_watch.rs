@@ -12,7 +12,7 @@ use jetlink::watch::RunnerWatch;
 use sim::clock;
 use std::cell::RefCell;
 
-/// A UART on which nothing is received, and everything is sent at once.
+/// A UART that receives nothing, and sends everything at once.
 struct Silent;
 
 impl embedded_io_async::ErrorType for Silent {
@@ -35,7 +35,7 @@ impl embedded_io_async::Write for Silent {
     }
 }
 
-/// Runs two engines under a watch, and calls `at` every 10 ms with the time in ms: `true` where the runner of `right` is not
+/// Runs two engines under a watch, and calls `at` every 10 ms with the time in ms: `true` if the runner of `right` is not
 /// polled. Returns what each check found.
 fn watched(hangs: impl Fn(u64) -> bool, stall: Option<(u64, u64)>) -> Vec<Vec<String>> {
     clock::reset();

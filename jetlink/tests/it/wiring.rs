@@ -1,4 +1,4 @@
-//! What an engine is wired to, as numbers.
+//! The wiring of an engine, as numbers.
 
 use jetlink::command::{Order, Origin};
 use jetlink::config::EngineConfig;
@@ -39,7 +39,7 @@ fn wiring_is_one_number_and_back() {
     for wiring in all() {
         assert_eq!(Wiring::unpacked(wiring.packed()), Some(wiring));
     }
-    // What is none, for example of RAM after a power-up, is none.
+    // An invalid record, for example RAM after a power-up, gives no wiring.
     let odd = (0..100_000_u32).map(|i| i.wrapping_mul(0x9E37_79B9).rotate_left(i % 32));
     for number in odd.chain([0, u32::MAX]) {
         assert!(Wiring::unpacked(number).is_none_or(|wiring| wiring.packed() == number), "{number:#x}");
@@ -74,7 +74,7 @@ fn wiring_of_an_engine_gives_the_same_engine_back() {
         wiring.apply(&mut engine);
         assert_eq!(engine.ecu.protocol_number(), wiring.protocol);
         let found = Wiring::of(&engine);
-        // What another protocol has is not in the engine.
+        // Settings of another protocol do not reach the engine.
         let (amt, zk) = (found.amt_engine == wiring.amt_engine, found.zk_rate == wiring.zk_rate);
         assert!(if wiring.protocol == 1 { amt } else { zk });
         assert_eq!((found.port, found.baud, found.stop_bits), (wiring.port, wiring.baud, wiring.stop_bits));
@@ -111,7 +111,7 @@ fn what_a_board_cannot_have_is_found_with_its_row_and_why() {
         check(&engines, SIX)
     };
     assert_eq!(wired(&[]), Ok(()));
-    // Two ports change places.
+    // Two engines swap ports.
     assert_eq!(wired(&[(0, "E1_PORT", 1), (1, "E1_PORT", 0)]), Ok(()));
     for (changes, row, why) in [
         (&[(0, "E1_PORT", 1)][..], 1, Contradiction::SamePort),
@@ -133,7 +133,7 @@ fn what_a_board_cannot_have_is_found_with_its_row_and_why() {
     assert_eq!(check(&[slow], SIX), Err((0, Contradiction::Setting)));
 }
 
-/// Whichever engine's record it is, and also after a loss of power: a firmware that has to know it before it reads settings does not know the engine.
+/// For any engine's record, also after a loss of power: a firmware that needs this before it reads settings does not know the engine.
 #[test]
 fn a_record_says_whether_its_engine_was_at_rest_to_one_that_does_not_know_the_engine() {
     use jetlink::command::Demand;

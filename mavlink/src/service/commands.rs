@@ -1,4 +1,4 @@
-//! Commands: each gets its final answer at once, and a text with the reason where it is refused.
+//! Commands: each gets its final answer at once, and a text with the reason if it is refused.
 
 use super::{Place, Service};
 use crate::attached::{Attached, sealed::Streams};
@@ -21,7 +21,7 @@ const SHORTEST: Duration = Duration::from_millis(50);
 /// Bit of `DO_ENGINE_CONTROL`: a start while disarmed is allowed.
 const WHILE_DISARMED: i32 = 1;
 
-/// The answer to a command, with the reason of a refusal where a text has to say it.
+/// The answer to a command, with the reason of a refusal if a text has to report it.
 type Answer = Result<Ack, (Ack, Option<Refusal>)>;
 
 fn refuse(why: Refusal) -> Answer {
@@ -46,7 +46,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     ) {
         let [first, ..] = params;
         let kind = Kind::of_command(command, first);
-        // Component 0 is all components: none obeys that.
+        // Component 0 addresses all components: none obeys it.
         let Some(place) = self.addressed(now, port, target, kind) else { return };
         self.counters.commands = self.counters.commands.wrapping_add(1);
         let own = self.system(now, port);
@@ -61,7 +61,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         self.answer(own, now, port, from, place, command, answer);
     }
 
-    /// Answers with the system id that the node had as the command came: a stop may end the time in which it has one.
+    /// Answers with the system id that the node had when the command arrived: after a stop it may have none.
     #[allow(clippy::too_many_arguments, reason = "the fields of two messages")]
     fn answer(
         &mut self,
@@ -100,7 +100,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         let ack = COMMAND_ACK_DATA {
             command,
             result: result as u8,
-            // Not known, where it is in progress.
+            // Unknown while it is in progress.
             progress: if result == Ack::InProgress { u8::MAX } else { 0 },
             result_param2: 0,
             target_system: to.system,
@@ -109,7 +109,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         self.send(now, port, place, Class::Answer, &ack);
     }
 
-    /// Answers whoever waits for the end of a start. `again`: also where it has not ended.
+    /// Answers whoever waits for the end of a start. `again`: also if it has not ended.
     pub(super) fn report_progress(&mut self, now: Instant, place: usize, again: bool) {
         let Some(engine) = self.engines.get_mut(place) else { return };
         let Some((port, to)) = engine.progress else { return };
@@ -190,7 +190,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         self.engines.get_mut(engine).map_or(Ok(Ack::Unsupported), |engine| done(engine.stop(now)))
     }
 
-    /// Stops one engine, or all of them where the node is addressed.
+    /// Stops one engine, or all of them if the node is addressed.
     fn emergency_stop(&mut self, now: Instant, place: Place) -> Answer {
         for (i, engine) in self.engines.iter_mut().enumerate() {
             if place == Place::Node || place == Place::Engine(i) {
@@ -209,7 +209,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
             (NodeService::EmergencyStop, _) => self.emergency_stop(now, place),
             #[cfg(feature = "signing")]
             (NodeService::ConfirmSettings, Place::Node) => done(self.confirm_settings(self.is_usb(port))),
-            // Where they are damaged it has been refused: nobody is known to be at the board.
+            // If they are damaged, it has been refused: nobody is known to be at the board.
             #[cfg(not(feature = "signing"))]
             (NodeService::ConfirmSettings, _) => Ok(Ack::Unsupported),
             #[cfg(feature = "signing")]
@@ -257,7 +257,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         self.answer(own, now, port, from, place, command, answer);
     }
 
-    /// A stop takes back what waits for its engine; one of all engines, all that waits.
+    /// A stop cancels what waits for its engine; a stop of all engines, all that waits.
     #[cfg(feature = "signing")]
     fn take_back(&mut self, place: Place) {
         let component = place.engine().map(|_| self.component(place));

@@ -1,4 +1,4 @@
-//! Messages that come in, but commands and parameters.
+//! Received messages other than commands and parameters.
 
 use super::{Place, Service};
 use crate::attached::Attached;
@@ -19,7 +19,7 @@ use jetlink::units::{Verbatim, Whole};
 use mavlink_core::MessageData;
 
 impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
-    /// Does what a frame says. `has_waited`: it has been admitted before.
+    /// Carries out a frame. `has_waited`: it has been admitted before.
     pub(super) fn handle(&mut self, now: Instant, port: usize, frame: Frame, has_waited: bool) {
         #[cfg(test)]
         self.handled.push((frame.id, frame.fields.all().to_vec()));
@@ -115,7 +115,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
                 let value = fields.f32(param_set::VALUE);
                 self.set_parameter(now, port, from, target(param_set::TARGET), &name, value);
             }
-            // What we send ourselves.
+            // Messages that we send ourselves.
             _ => {}
         }
     }
@@ -142,7 +142,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
                 self.store_learnt(id);
             }
             Some(VehicleEvent::TwoAutopilots(one, other)) => {
-                // The node has no id while it learns: whoever looks at one of both has to see it.
+                // The node has no id while it learns: an observer of either system has to see the text.
                 for system in [one, other] {
                     self.speaks_as = Some(system);
                     let (one, other) = (Whole(one.into()), Whole(other.into()));

@@ -1,4 +1,4 @@
-//! Settings that stay: a parameter that was set is answered when it is stored, and is as before when it cannot be.
+//! Stored settings: a parameter that was set is answered when it is stored, and restored if it cannot be.
 
 use super::{Keeping, Pending, Place, Service};
 use crate::attached::Attached;
@@ -15,7 +15,7 @@ use jetlink::setting::Effect;
 use jetlink::units::Verbatim;
 use jetlink::wiring::{Contradiction, Wiring};
 
-/// Heartbeats, one a second, between two texts that something is wrong with the settings.
+/// Heartbeats, one a second, between two texts about a problem with the settings.
 const TEXT_EVERY: u8 = 10;
 
 impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
@@ -24,8 +24,8 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         self.keeping = keeping;
     }
 
-    /// Reports that the stored settings are damaged: nothing is obeyed but a stop and, over USB, everything but a start, until a person confirms
-    /// that the defaults, or what was set since, are right (service 30).
+    /// Reports that the stored settings are damaged: only a stop is obeyed, and over USB everything but a start, until a person confirms the
+    /// defaults, or the values set since (service 30).
     pub fn set_damaged(&mut self, damaged: bool) {
         self.damaged = damaged;
         self.until_text = 0;
@@ -33,15 +33,15 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         self.attached.set_damaged(damaged);
     }
 
-    /// Reports that the stored settings are damaged, and that the ones that RAM has retained over the reset apply: everything is obeyed. They are
-    /// stored again when a person confirms them.
+    /// Reports that the stored settings are damaged, and that those retained in RAM over the reset apply: everything is obeyed. They are stored
+    /// again when a person confirms them.
     pub fn set_retained(&mut self) {
         self.set_damaged(true);
         self.are_retained = true;
         self.attached.set_damaged(false);
     }
 
-    /// Says on every port what is wrong with the settings, from time to time. Call it with each heartbeat.
+    /// Reports on every port, from time to time, what is wrong with the settings. Call it with each heartbeat.
     pub(super) fn report_settings(&mut self, now: Instant) {
         if let Some(left) = self.until_text.checked_sub(1) {
             self.until_text = left;
@@ -61,15 +61,15 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         }
     }
 
-    /// Offers the wiring of engines as parameters of the node, which the code that builds the service stores and uses at its next start. `wiring`
-    /// is what is stored, `image` what applies where nothing is stored. Returns which engine cannot have a stored wiring that contradicts itself, and why.
+    /// Offers the wiring of engines as parameters of the node, which the code that builds the service stores and uses at its next start. `wiring` is
+    /// the stored one, `image` applies where nothing is stored. Returns the engine whose stored wiring contradicts itself, and why.
     pub fn set_wiring(
         &mut self,
         wiring: &[Wiring],
         image: &'a [Wiring],
         contradiction: Option<(usize, Contradiction)>,
     ) {
-        // What exceeds the engines is left out.
+        // Wirings beyond the number of engines are left out.
         self.wiring = wiring.iter().copied().take(N).collect();
         (self.image, self.contradiction) = (image, contradiction);
     }
@@ -80,7 +80,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         if !self.has_to_be_confirmed() {
             return Err(Refusal::NotDamaged);
         }
-        // Where they are lost, only what comes over USB has got here.
+        // If they are lost, only a command over USB gets here.
         if self.are_retained && !at_board {
             return Err(Refusal::Damaged);
         }
@@ -97,7 +97,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
     /// Takes the result of storing all records again.
     #[cfg(feature = "signing")]
     pub fn rewritten(&mut self, now: Instant, result: Result<(), NotSaved>) {
-        // What was begun before the confirmation is not its result.
+        // A save begun before the confirmation is not its result.
         if self.rewrite || !core::mem::take(&mut self.confirming) {
             return;
         }
@@ -125,14 +125,14 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         }
     }
 
-    /// Stores the id of the vehicle that was learnt.
+    /// Stores the learnt id of the vehicle.
     pub(super) fn store_learnt(&mut self, id: u8) {
         let old = core::mem::replace(&mut self.settings.identity.learnt, id).into();
         let port = self.autopilot_port.unwrap_or(0);
         if self.keeping == Keeping::Stored
             && let Some((index, _)) = self.position(Place::Node, Name::of(LEARNT.as_bytes()))
         {
-            // Where there is no space it is learnt again at the next start.
+            // Without space, it is learnt again at the next start.
             let _ = self.pending.push_back(Pending { port, place: Place::Node, index, old });
         }
     }
@@ -160,7 +160,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         self.record(place)
     }
 
-    /// Number of records: of the node, then of the engines, then of what is attached for each of them, then of signing.
+    /// Number of records: the node, then the engines, then the attached devices of each of them, then signing.
     pub fn places(&self) -> usize {
         self.places_of_settings() + usize::from(cfg!(feature = "signing"))
     }
@@ -174,8 +174,8 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         (0..self.places_of_settings()).filter_map(move |place| self.record_of(place, Some(defaults)))
     }
 
-    /// Sets the defaults of the image, and with them how much RAM that survives a reset there is for what differs. A change that does not fit is refused
-    /// where nothing is stored; elsewhere it is accepted with a text.
+    /// Sets the defaults of the image, and how much RAM that survives a reset there is for settings that differ. A change that does not fit is
+    /// refused if nothing is stored; otherwise it is accepted with a text.
     pub const fn set_room(&mut self, defaults: &'static Defaults<'static>) {
         self.room = Some(defaults);
     }
@@ -216,7 +216,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         Some((record::attached_key(engine)?, record))
     }
 
-    /// Whether this parameter is one of what is attached.
+    /// Whether this parameter is one of the attached devices.
     fn is_attached(&self, place: Place, index: usize) -> bool {
         let Some(found) = self.parameter(place, index).filter(|_| !self.attached.rows().is_empty()) else {
             return false;
@@ -225,8 +225,8 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             .is_some()
     }
 
-    /// Takes the result of the save that [`Service::next_save`] requested: the setting is answered, and is as before if it was
-    /// not saved.
+    /// Takes the result of the save that [`Service::next_save`] requested: the setting is answered, and restored if it was not
+    /// saved.
     pub fn saved(&mut self, now: Instant, result: Result<(), NotSaved>) {
         #[cfg(feature = "signing")]
         if self.cover.saved(result) {
@@ -255,7 +255,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         self.settled(now, port, place, index, result);
     }
 
-    /// Answers a setting.
+    /// Answers a change of a setting.
     fn settled(
         &mut self,
         now: Instant,
@@ -293,7 +293,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
                 self.say(now, place, Severity::Warning, Some(port), format_args!("{name} not set: {why}"));
             }
         }
-        // The new value, or the old one where it was refused.
+        // The new value, or the old one if it was refused.
         self.send_parameter(now, port, place, index);
     }
 
@@ -303,12 +303,12 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         self.engines.get(engine).is_some_and(|engine| engine.source.handle().link_settings_wait())
     }
 
-    /// Gives a setting back its old value.
+    /// Restores the old value of a setting.
     fn restore(&mut self, place: Place, parameter: Parameter, old: i32) {
         let row = parameter.row;
         match place {
             Place::Node => self.set_of_node(parameter, old),
-            // Refused only where the engine has begun to turn: then the new one applies until the next start.
+            // Refused only if the engine has begun to turn: then the new value applies until the next start.
             Place::Engine(engine) if self.attached.number(engine, row.name).is_some() => {
                 let _ = self.attached.set(engine, row.name, old);
             }
@@ -355,7 +355,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             return;
         };
         let old = self.value(place, parameter).unwrap_or_default();
-        // Where it does not fit anyway, this change is not the reason.
+        // If they did not fit before, this change is not the reason.
         let fitted = self.keeping == Keeping::Lost && self.fits();
         let result = match self.check(port, from.system, Kind::Acts) {
             // A person at the board sets who may command: otherwise nobody could.
@@ -386,7 +386,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         self.keep(now, port, place, index, old, result);
     }
 
-    /// Begins a calibration of an engine's stick, or ends it. Its end points are settings, and are stored and answered as such.
+    /// Begins a calibration of an engine's stick, or ends it. The end points are settings, stored and answered as such.
     pub(super) fn calibrate_stick(
         &mut self,
         now: Instant,
@@ -411,7 +411,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         Ok(())
     }
 
-    /// Has a setting stored that was changed, and answers it then; at once where it was refused, or none is stored.
+    /// Requests a save of a changed setting, and answers it then; at once if it was refused or nothing is stored.
     fn keep(
         &mut self,
         now: Instant,

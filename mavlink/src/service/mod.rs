@@ -1,7 +1,7 @@
 //! The service: bytes of each port and the time in, frames out. It does no IO and reads no clock.
 //!
-//! Its methods call one way, a file only those behind it: `poll.rs`; `incoming.rs`; `commands.rs` and `signing.rs`; `outgoing.rs` and
-//! `keeping.rs`; `parameters.rs`; this one.
+//! Methods call in one direction: each file calls only those listed after it: `poll.rs`; `incoming.rs`; `commands.rs` and
+//! `signing.rs`; `outgoing.rs` and `keeping.rs`; `parameters.rs`; this one.
 
 mod commands;
 mod incoming;
@@ -40,7 +40,7 @@ use jetlink::config::EngineConfig;
 use jetlink::units::Verbatim;
 use jetlink::wiring::{Contradiction, Wiring};
 
-/// Time in which an autopilot is received, if there is one.
+/// Time within which an autopilot is received, if there is one.
 const LISTEN: Duration = Duration::from_secs(3);
 /// Parameters that may wait to be stored.
 const PENDING: usize = 8;
@@ -53,7 +53,7 @@ const STATIONS: usize = 4;
 pub struct Counters {
     /// Commands that were addressed to a component of the node.
     pub commands: u32,
-    /// Of them, refused or not known.
+    /// Those that were refused or unknown.
     pub commands_refused: u32,
     /// Parameters that were set.
     pub parameters_set: u32,
@@ -67,11 +67,11 @@ pub struct Counters {
     pub texts_lost: u32,
     /// Events of engines that were lost before they became texts.
     pub events_lost: u32,
-    /// What was ignored for its signature.
+    /// Frames ignored because of their signature.
     pub signing: SigningCounters,
 }
 
-/// What the node has to do besides.
+/// Other requests to the node.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Request {
@@ -79,17 +79,17 @@ pub enum Request {
     Reboot,
 }
 
-/// MAVLink of a node with up to `N` engines and `P` ports, and what else is attached.
+/// MAVLink of a node with up to `N` engines and `P` ports, and attached devices.
 #[derive(Debug)]
 pub struct Service<'a, const N: usize, const P: usize, A: Attached = Nothing> {
     attached: A,
-    /// Of what is attached, on each port.
+    /// Streams of the attached devices, on each port.
     streams: [A::Streams; P],
     settings: NodeSettings,
-    /// What each engine is wired to from the next start on, and in the image. None of an engine whose wiring is no parameter.
+    /// Wiring of each engine from the next start on, and in the image. None for an engine whose wiring is not a parameter.
     wiring: Vec<Wiring, N>,
     image: &'a [Wiring],
-    /// The engine, from 0, that the stored wiring cannot have, and why.
+    /// The engine, from 0, whose stored wiring contradicts itself, and why.
     contradiction: Option<(usize, Contradiction)>,
     /// As they were at the start: a change takes effect at the next one.
     base: u8,
@@ -105,33 +105,33 @@ pub struct Service<'a, const N: usize, const P: usize, A: Attached = Nothing> {
     clocks: [FrameClock; 2],
     /// Systems that may command, with their last heartbeat.
     received: Vec<(u8, Instant), STATIONS>,
-    /// Of the node, and of each engine.
+    /// Limiters of the node and of each engine.
     node_texts: Limiter,
     texts: Vec<Limiter, N>,
     text_id: u16,
-    /// The system id of a text that the node sends before it has one.
+    /// System id of a text that the node sends before it has one of its own.
     speaks_as: Option<u8>,
     started: Instant,
     next_tick: Instant,
     next_heartbeat: Instant,
-    /// Engine that sends first: where a port is slow, not always the same is dropped.
+    /// Engine that sends first: a slow port then does not always drop the same one.
     first: usize,
-    /// The counter of signing that was sent last.
+    /// The signing counter that was sent last.
     signing_sent: u8,
     reboot: bool,
     keeping: Keeping,
-    /// Defaults of the image, with the RAM for what differs from them.
+    /// Defaults of the image, with the RAM for settings that differ from them.
     room: Option<&'static Defaults<'static>>,
     /// The stored settings are damaged, and nobody has confirmed the present ones.
     damaged: bool,
-    /// Heartbeats until a text says again what is wrong with the settings.
+    /// Heartbeats until a text reports the problem with the settings again.
     until_text: u8,
-    /// The current ones were nevertheless retained over the reset.
+    /// The current settings were nevertheless retained over the reset.
     are_retained: bool,
     /// All records have to be stored again, because the settings were confirmed.
     #[cfg(feature = "signing")]
     rewrite: bool,
-    /// They are being stored.
+    /// All records are being stored.
     #[cfg(feature = "signing")]
     confirming: bool,
     /// Parameters that were set and are not stored yet.
@@ -142,14 +142,14 @@ pub struct Service<'a, const N: usize, const P: usize, A: Attached = Nothing> {
     pub(crate) handled: std::vec::Vec<(u32, std::vec::Vec<u8>)>,
 }
 
-/// What becomes of a parameter that was set.
+/// What happens to a parameter that was set.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Keeping {
     /// The code that built the service looks after it ([`Service::settings`], [`Service::engine_settings`]).
     ByBuilder,
     /// It is stored: [`Service::next_save`].
     Stored,
-    /// It is lost at the next start. A text says so.
+    /// It is lost at the next start. A text reports this.
     Lost,
 }
 
@@ -162,7 +162,7 @@ struct Pending {
     old: i32,
 }
 
-/// Component of the node that a message is for.
+/// Component of the node that a message addresses.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Place {
     Node,
@@ -179,8 +179,8 @@ impl Place {
 }
 
 impl<'a, const N: usize, const P: usize> Service<'a, N, P> {
-    /// A service for these engines and ports. What exceeds `N` or `P` is left out. `signing` is what was kept of
-    /// [`Service::signing`].
+    /// A service for these engines and ports. Engines beyond `N` and ports beyond `P` are left out. `signing` is
+    /// the kept state of [`Service::signing`].
     pub fn new(
         now: Instant,
         settings: NodeSettings,
@@ -193,7 +193,7 @@ impl<'a, const N: usize, const P: usize> Service<'a, N, P> {
 }
 
 impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
-    /// The same as [`Service::new`] with what else is attached.
+    /// The same as [`Service::new`], with attached devices.
     pub fn with(
         now: Instant,
         settings: NodeSettings,
@@ -249,15 +249,14 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         }
     }
 
-    /// Opens a port for somebody who knows nothing of what was before, or closes it: until it is opened again nothing is sent or obeyed
-    /// there. Ports are open at first.
+    /// Opens a port for a new peer, or closes it: until it is opened again, nothing is sent or obeyed there. Ports are open at first.
     pub fn set_open(&mut self, now: Instant, port: usize, is_open: bool) {
         let Some(this) = self.ports.get_mut(port) else { return };
         this.set_open(now, is_open);
         if let Some(streams) = self.streams.get_mut(port) {
             *streams = A::Streams::new(now);
         }
-        // Who waited there for the end of a start is gone.
+        // Whoever waited there for the end of a start is gone.
         for engine in &mut self.engines {
             engine.progress = engine.progress.filter(|&(waits, _)| usize::from(waits) != port);
         }
@@ -273,8 +272,8 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         self.ports.get(port).is_some_and(Port::is_waiting)
     }
 
-    /// What else the node has to do. Let the answer go out first. Once it is no longer returned, it is off: an engine
-    /// has begun to turn.
+    /// Another request to the node. Let the answer go out first. If it is no longer returned, it is cancelled: an
+    /// engine has begun to turn.
     pub fn request(&mut self, now: Instant) -> Option<Request> {
         if self.reboot && self.any_turns() {
             self.reboot = false;
@@ -284,7 +283,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         self.reboot.then_some(Request::Reboot)
     }
 
-    /// What is attached.
+    /// The attached devices.
     pub const fn attached(&self) -> &A {
         &self.attached
     }
@@ -294,7 +293,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         self.counters
     }
 
-    /// What an engine, by its place from 0, was commanded since the last call.
+    /// Commands to an engine, by its place from 0, since the last call.
     #[cfg(feature = "record")]
     pub fn take_commands(&mut self, place: usize) -> impl Iterator<Item = Command> + use<N, P, A> {
         let engine = self.engines.get_mut(place);
@@ -311,12 +310,12 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         &self.settings
     }
 
-    /// What each engine is wired to from the next start on, as the parameters have it.
+    /// Wiring of each engine from the next start on, as the parameters have it.
     pub fn wiring(&self) -> &[Wiring] {
         &self.wiring
     }
 
-    /// The key and what else signing has to keep over a restart.
+    /// The key and the other state of signing that has to survive a restart.
     pub fn signing(&self, now: Instant) -> SigningState {
         self.signing.state(now)
     }
@@ -331,23 +330,23 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         self.vehicle.id()
     }
 
-    /// Whether the settings are lost, and nobody has confirmed the present ones.
+    /// Whether the settings are lost and nobody has confirmed the present ones.
     pub const fn is_damaged(&self) -> bool {
         self.damaged && !self.are_retained
     }
 
-    /// Whether a person has to confirm the present settings: what is stored is damaged.
+    /// Whether a person has to confirm the present settings, because the stored ones are damaged.
     pub const fn has_to_be_confirmed(&self) -> bool {
         self.damaged
     }
 
-    /// The system id on a port. On the autopilot's port, and while an autopilot is received that is being learnt, there is none; elsewhere it is
-    /// 1 until one is known.
+    /// The system id on a port. There is none on the autopilot's port until it is known, nor while one is being learnt; elsewhere it is 1 until
+    /// one is known.
     fn system(&self, now: Instant, port: usize) -> Option<u8> {
         match self.vehicle.id().or(self.speaks_as) {
             Some(id) => Some(id),
             None if self.autopilot_port == Some(port) => None,
-            // While an engine is ordered none is learnt, and who commands it keeps the id that it knows.
+            // While an engine is ordered to run, none is learnt, and whoever commands it continues to use the id it knows.
             None if self.vehicle.is_learning(now) && !self.any_is_ordered() => None,
             None if self.autopilot_port.is_some() && now < self.started + LISTEN => None,
             None => Some(1),
@@ -379,8 +378,8 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
                 || settings.own_vehicle && self.vehicle.id() == Some(system))
     }
 
-    /// Whether a system may do this by this port. Where the settings are lost, nobody knows who may: anybody may stop, and only a person
-    /// at the board may do more.
+    /// Whether a system may do this through this port. If the settings are lost, it is unknown who may: anybody may stop, and only a
+    /// person at the board may do more.
     fn check(&self, port: usize, system: u8, kind: Kind) -> Result<(), Refusal> {
         #[cfg(feature = "signing")]
         if kind == Kind::Acts
@@ -436,15 +435,15 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         }
         let Some(system) = self.system(now, port) else { return false };
         let from = Address { system, component: self.component(place) };
-        // Each port is a link of its own for its receivers.
+        // Each port is a separate link to its receivers.
         let seal = self.signing.seal(now, u8::try_from(port).unwrap_or(u8::MAX));
         self.ports
             .get_mut(port)
             .is_some_and(|port| port.send(now, from, place.engine(), class, message, seal))
     }
 
-    /// Which component of ours a message is for. Component 0, which is all of them, is none. Where the node has no id, a stop is for ours
-    /// whatever its system; where the id is lost with the settings, all is.
+    /// The component of ours that a message addresses. Component 0, which addresses all of them, is none. If the node has no id, a stop
+    /// addresses ours whatever its system; if the id is lost with the settings, every message does.
     fn addressed(&self, now: Instant, port: usize, target: Address, kind: Kind) -> Option<Place> {
         match self.system(now, port) {
             Some(system) if system == target.system => self.place(target.component),
@@ -453,7 +452,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         }
     }
 
-    /// Says on all ports why an engine was not started.
+    /// Reports on all ports why an engine was not started.
     fn say_not_started(&mut self, now: Instant, engine: usize, why: Refusal) {
         self.say(now, Place::Engine(engine), Severity::Warning, None, format_args!("start refused: {why}"));
     }
@@ -502,7 +501,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         }
     }
 
-    /// What the engines are, for the heartbeat of the node.
+    /// Summary of the engines, for the heartbeat of the node.
     fn fleet(&self) -> Fleet {
         let mut fleet = Fleet::default();
         self.engines.iter().for_each(|engine| fleet.count(&engine.telemetry()));

@@ -1,5 +1,5 @@
-//! What is sent without a request: heartbeats, `EFI_STATUS`, named values, texts of events, and the request for the rate of
-//! the autopilot's outputs.
+//! Messages that are sent without a request: heartbeats, `EFI_STATUS`, named values, texts of events, and the request for
+//! the rate of the autopilot's outputs.
 
 use super::{Place, Service};
 use crate::attached::{Attached, Channels, sealed::Streams};
@@ -19,7 +19,7 @@ use mavlink_core::types::CharArray;
 
 /// Bytes of a heartbeat that is not signed.
 const HEARTBEAT_BYTES: usize = 21;
-/// On a port that carries everything.
+/// Interval on a port that carries everything.
 const WIDE_EVERY: Duration = Duration::from_millis(100);
 const VALUES_EVERY: Duration = Duration::from_secs(1);
 const RELAYS_EVERY: Duration = Duration::from_secs(1);
@@ -46,7 +46,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         }
     }
 
-    /// Outputs that changed, and the streams of what is attached.
+    /// Reports changed outputs, and sends the streams of the attached devices.
     pub(super) fn report_attached(&mut self, now: Instant) {
         let mut changed = false;
         while let Some(change) = self.attached.next_change() {
@@ -62,7 +62,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
                 streams.schedule(message).is_some_and(|schedule| schedule.is_due(now, default))
             };
             let relays = has_outputs && due(MESSAGE_RELAY_STATUS, Some(RELAYS_EVERY));
-            // On request only: a ground station would take them for what the autopilot receives.
+            // On request only: a ground station would take them for the autopilot's channels.
             let channels = due(MESSAGE_RC_CHANNELS, None);
             if relays || changed && has_outputs {
                 self.send_relays(now, port, Class::Telemetry);
@@ -97,7 +97,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         self.send(now, port, Place::Node, class, &message);
     }
 
-    /// ms since the start; wraps after 49 days.
+    /// Time since the start, ms; wraps after 49 days.
     fn since_start(&self, now: Instant) -> u32 {
         now.saturating_duration_since(self.started).as_millis() as u32
     }
@@ -137,7 +137,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         }
     }
 
-    /// Sends what was ignored for its signature: one counter a second, those above 0 in turn.
+    /// Sends the counters of frames ignored because of their signature: one a second, those above 0 in turn.
     pub(super) fn send_signing(&mut self, now: Instant) {
         if !cfg!(feature = "signing") {
             return;
@@ -217,7 +217,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         self.send(now, port, place, class, &message);
     }
 
-    /// Requests the autopilot's outputs, where an engine follows them.
+    /// Requests the autopilot's outputs if an engine follows them.
     pub(super) fn request_rate(&mut self, now: Instant) {
         let follows = self.engines.iter().any(|it| it.settings.demand_source() == DemandSource::ServoOutput);
         let (true, Some(port), Some(system)) = (follows, self.autopilot_port, self.vehicle.id()) else {
@@ -241,8 +241,8 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     }
 }
 
-/// Channels of a receiver as a message. 65535 is a channel without a value. The strength of its signal is 254 for a link of which all
-/// frames arrive, and 255 if that is not known.
+/// Channels of a receiver as a message. 65535 is a channel without a value. The signal strength is 254 if all frames of the link
+/// arrive, and 255 if that is unknown.
 fn rc_channels(time_boot_ms: u32, channels: &Channels, quality: Option<u8>) -> RC_CHANNELS_DATA {
     let rssi = quality.map_or(u8::MAX, |percent| (u16::from(percent.min(100)) * 254 / 100) as u8);
     let [c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, c15, c16, c17, c18] =

@@ -1,5 +1,5 @@
-//! Parameters: the settings of the node in its component, those of an engine in the engine's. All are `REAL32`, and count and
-//! order are fixed. They are served from RAM; `keeping.rs` sets and stores them.
+//! Parameters: the settings of the node in its component, those of an engine in the engine's. All are `REAL32`; their number
+//! and order are fixed. They are served from RAM; `keeping.rs` sets and stores them.
 
 use super::{Place, Service};
 use crate::attached::Attached;
@@ -28,8 +28,8 @@ pub fn node_parameters() -> impl Iterator<Item = &'static Setting> {
     NodeSettings::TABLE.into_iter().flatten()
 }
 
-/// The parameters of the node for engine 1, behind all others of the node, with their texts. Another engine has its number in place of the 1 in each
-/// name, and its own behind those of the one before. `image` has the defaults.
+/// The parameters of the node for engine 1, after all others of the node, with their texts. Another engine has its number in place of the 1 in each
+/// name, and its parameters follow those of the previous engine. `image` has the defaults.
 pub fn wiring_parameters(image: &Wiring) -> [Setting; Wiring::ROWS.len()] {
     Wiring::table(image)
 }
@@ -49,7 +49,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         })
     }
 
-    /// The first parameter of a component that is the one.
+    /// The first parameter of a component that matches.
     pub(super) fn find_parameter(
         &self,
         place: Place,
@@ -108,7 +108,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         }
     }
 
-    /// Changes a parameter of the node whose range has been checked.
+    /// Changes a parameter of the node. Its range has been checked.
     pub(super) fn set_of_node(&mut self, parameter: Parameter, number: i32) {
         let name = parameter.row.name;
         match usize::from(parameter.wired).checked_sub(1) {
@@ -117,7 +117,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         };
     }
 
-    /// Sends a parameter. False: there is none of this index.
+    /// Sends a parameter. False: none has this index.
     pub(super) fn send_parameter(&mut self, now: Instant, port: usize, place: Place, index: usize) -> bool {
         let Some(parameter) = self.parameter(place, index) else { return false };
         let Some(value) = self.value(place, parameter) else { return false };
@@ -132,7 +132,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         true
     }
 
-    /// Begins a list; component 0 is all of ours, one after the other.
+    /// Begins a list; component 0 lists all of ours, one after the other.
     pub(super) fn list_parameters(&mut self, now: Instant, port: usize, target: Address) {
         let Some(system) = self.system(now, port) else { return };
         if target.system != system && target.system != 0 {
@@ -149,7 +149,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         }
     }
 
-    /// Sends what is due of the lists. Returns when the next one is.
+    /// Sends the list entries that are due. Returns when the next one is.
     pub(super) fn send_lists(&mut self, now: Instant) -> Option<Instant> {
         for port in 0..self.ports.len() {
             let Some(mut list) =
@@ -234,7 +234,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         Ok(())
     }
 
-    /// Gives a setting of the supervision or the link, whose range has been checked, to the engine.
+    /// Passes a setting of the supervision or the link to the engine. Its range has been checked.
     pub(super) fn configure(
         engine: &Engine<'_>,
         config: &EngineConfig,

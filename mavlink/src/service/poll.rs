@@ -4,7 +4,7 @@ use super::{Place, Service};
 use crate::attached::Attached;
 use embassy_time::{Duration, Instant};
 
-/// Time between two looks at the engines.
+/// Time between two checks of the engines.
 const TICK: Duration = Duration::from_millis(50);
 const HEARTBEAT_EVERY: Duration = Duration::from_secs(1);
 

@@ -1,4 +1,4 @@
-//! What a key demands of frames that come in, and how it is set.
+//! What a key requires of received frames, and how it is set.
 
 use super::{Keeping, Place, Service};
 use crate::attached::Attached;
@@ -14,7 +14,7 @@ use crate::signing::{Ignored, Key, Signature, Stamp};
 use embassy_time::Instant;
 
 impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
-    /// Whether a frame may do anything now. With a key, only what is signed and new; over USB everything may.
+    /// Whether a frame may do anything now. With a key, only signed and new frames may; over USB all may.
     pub(super) fn admits(&mut self, now: Instant, port: usize, frame: &Frame) -> bool {
         if self.signing.key().is_none() {
             return true;
@@ -30,7 +30,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         }
     }
 
-    /// Whether a frame that is signed and new may be carried out now: after a loss of power, what has acted must not act again.
+    /// Whether a signed and new frame may be carried out now: a frame that has acted must not act again after a loss of power.
     fn is_covered(&mut self, now: Instant, port: usize, frame: &Frame) -> bool {
         let (kind, target) = Kind::of_frame(frame);
         let Signature::Right { stamp, .. } = frame.signature else { return false };
@@ -51,7 +51,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         true
     }
 
-    /// What has waited until it was stored that it is obeyed.
+    /// Takes a frame that has waited until the store covers it.
     pub(super) fn take_waiting(&mut self, now: Instant) -> Option<(usize, Frame)> {
         if !self.cover.has_waiting() {
             return None;
@@ -68,7 +68,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         Some((port, frame))
     }
 
-    /// Has key and time stamp stored, where an engine has stopped, and from time to time at rest.
+    /// Requests a save of key and time stamp when an engine has stopped, and from time to time at rest.
     pub(super) fn cover_from_time_to_time(&mut self, now: Instant) {
         if self.signing.key().is_some()
             && self.keeping == Keeping::Stored
@@ -137,7 +137,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         if self.keeping == Keeping::Stored {
             self.cover.want(self.signing.stamp(now));
         }
-        // What was received before may have come from anybody. The id stays: it changes at a start only.
+        // Anybody may have sent what was received before. The id stays: it changes only at a start.
         self.vehicle = self.vehicle.forgotten();
         self.request = RateRequest::new(now);
         self.clocks = [FrameClock::default(); 2];

@@ -1,4 +1,4 @@
-//! What is attached to the node: its settings among the parameters, its messages, its texts.
+//! Attached devices: their settings among the parameters, their messages, their texts.
 
 use super::world::*;
 use crate::attached::{Attached, Change, Channels, NodeStreams, Outputs};
@@ -26,7 +26,7 @@ const fn row(name: &'static str, effect: Effect) -> Row {
 const ROWS: &[&[Row]] =
     &[&[row("TOY_A", Effect::AtOnce), row("TOY_B", Effect::AtOnce)], &[row("TOY_C", Effect::AtNextStart)]];
 
-/// What a test looks at and moves.
+/// State that a test reads and changes.
 #[derive(Debug, Default)]
 pub struct State {
     pub on: Cell<bool>,
@@ -36,7 +36,7 @@ pub struct State {
     outputs: Cell<[Outputs; 2]>,
     changes: RefCell<VecDeque<Change>>,
     channels: Cell<Option<Channels>>,
-    /// Quality of its link.
+    /// Link quality of the receiver.
     quality: Cell<Option<u8>>,
 }
 
@@ -114,7 +114,7 @@ impl Attached for Toy {
     }
 }
 
-/// Messages of the node since frame `at` on a port, that are these.
+/// Messages of this kind from the node on a port since frame `at`.
 fn sent<T>(world: &World<'_>, at: usize, port: usize, what: impl Fn(&MavMessage) -> Option<T>) -> Vec<T> {
     let frames = world.frames.borrow();
     let of_node = frames.iter().skip(at).filter(|(_, on, frame)| *on == port && frame.from.component == NODE);
@@ -187,7 +187,7 @@ fn settings_of_what_is_attached_are_set_refused_and_stored_as_records_of_their_o
         world.toy.refuses.set(false);
 
         world.service.borrow_mut().set_keeping(Keeping::Stored);
-        // Node, engines, what is attached to each, and signing.
+        // Node, engines, attached devices of each, and signing.
         assert_eq!(world.service.borrow().places(), 5 + usize::from(cfg!(feature = "signing")));
         for (result, value) in [(Ok(()), 8), (Err(NotSaved::Full), 8)] {
             let new = if result.is_ok() { 8.0 } else { 9.0 };
@@ -202,7 +202,7 @@ fn settings_of_what_is_attached_are_set_refused_and_stored_as_records_of_their_o
             assert_eq!(world.answers(at).0, Some(value as f32));
             assert_eq!(world.toy.numbers.borrow()[1], [5, value, 7]);
         }
-        // An engine's own record has none of them, and theirs has no other's kind.
+        // An engine's own record contains none of them, and theirs has a kind of its own.
         let service = world.service.borrow();
         let keys: Vec<u8> = (0..6).filter_map(|place| service.record(place)).map(|(key, _)| key).collect();
         let signing = [0x80].into_iter().filter(|_| cfg!(feature = "signing"));
@@ -212,7 +212,7 @@ fn settings_of_what_is_attached_are_set_refused_and_stored_as_records_of_their_o
     });
 }
 
-/// RAM that survives a reset has space for some changes, and not for all settings of every engine.
+/// RAM that survives a reset has space for some changes, but not for all settings of every engine.
 #[test]
 fn of_what_is_attached_too_only_what_differs_from_the_image_is_retained() {
     run(async |world| {
@@ -235,7 +235,7 @@ fn of_what_is_attached_too_only_what_differs_from_the_image_is_retained() {
         assert_eq!(lengths, [(0x81, 1), (0x82, 1 + 6)]);
         let read: Vec<_> = record::read_attached(ROWS, &attached()[1].1).collect();
         assert_eq!(read, [("TOY_B", 5)]);
-        // What is stored is whole, so that it does not change with the image. In another image the changes are other ones.
+        // The stored record is complete, so that it does not change with the image. In another image the changes differ.
         let (_, stored) = world.service.borrow().record(4).unwrap();
         assert_eq!(record::read_attached(ROWS, &stored).count(), 3);
         let other = of_image(|engine, name| Some(i32::from(engine == 1 && name == "TOY_C")));
@@ -243,7 +243,7 @@ fn of_what_is_attached_too_only_what_differs_from_the_image_is_retained() {
     });
 }
 
-/// Its end points are settings: answered as such, and stored before that; given back where the store does not take them.
+/// Its end points are settings: stored, then answered as such; restored if the store does not accept them.
 #[test]
 fn a_calibration_of_the_stick_sets_its_end_points() {
     const BEGIN: [f32; 1] = [40.0];
@@ -305,7 +305,7 @@ fn damaged_settings_are_known_to_what_is_attached_until_they_are_confirmed() {
         assert!(world.toy.damaged.get() && world.service.borrow_mut().take_rewrite());
         world.service.borrow_mut().rewritten(Instant::now(), Ok(()));
         assert!(!world.toy.damaged.get());
-        // Those that RAM has retained are as good as whole ones.
+        // Settings retained in RAM are as good as intact ones.
         world.service.borrow_mut().set_retained();
         assert!(!world.toy.damaged.get());
     });
@@ -348,7 +348,7 @@ fn relays_are_reported_each_second_and_when_one_changes() {
     });
 }
 
-/// Unasked they would overwrite what a ground station shows of the autopilot's receiver.
+/// Without a request, they would overwrite a ground station's display of the autopilot's receiver.
 #[test]
 fn channels_are_sent_on_request_only() {
     run(async |world| {
@@ -379,7 +379,7 @@ fn channels_are_sent_on_request_only() {
             assert_eq!(world.command(NODE, CMD_REQUEST_MESSAGE, &[65.0]).await.0, Some(0));
             assert_eq!(sent(world, at, TO_GROUND, channels)[0].rssi, rssi, "{percent} %");
         }
-        // On the port that asks, at the rate that it asks for.
+        // On the requesting port, at the requested rate.
         assert_eq!(world.command(NODE, CMD_SET_MESSAGE_INTERVAL, &[65.0, 200_000.0]).await.0, Some(0));
         let at = world.frames.borrow().len();
         world.pass(10.0).await;

@@ -40,7 +40,7 @@ fn each_condition_of_a_start_is_named() {
         assert!(text.contains("no throttle received"), "{text}");
         world.throttle(IDLE_US);
         world.pass(6.0).await;
-        // The refusals are forgotten: none of it starts anything later.
+        // The refused starts are forgotten: none starts anything later.
         assert_eq!(world.telemetry(0).ordered.order, Order::Standby);
         assert_eq!(world.control(0, &[1.0]).await.0, ACCEPTED);
         world.until("starting", 5, || matches!(world.telemetry(0).ordered.order, Order::Run(_))).await;
@@ -52,7 +52,7 @@ fn each_condition_of_a_start_is_named() {
     });
 }
 
-/// In a `COMMAND_INT` the byte of the confirmation is the frame of coordinates: whatever it is, the start is no repeat.
+/// A `COMMAND_INT` has the coordinate frame in place of the confirmation: whatever it is, the start is not a repeat.
 #[test]
 fn a_start_as_command_int_is_no_repeat() {
     run(async |world| {
@@ -136,7 +136,7 @@ fn only_what_is_addressed_to_us_is_obeyed() {
         }
         assert!(world.texts().contains("system 7 may not command here"), "{}", world.texts());
         assert_eq!(world.telemetry(1).state, EngineState::Running);
-        // The autopilot's own system may, and so does a setting.
+        // The autopilot's own system may, and so may one that is set.
         let (answer, _) = world
             .command_from(TO_AUTOPILOT, AUTOPILOT, (SYSTEM, ENGINE[1]), CMD_DO_ENGINE_CONTROL, 0, &[0.0])
             .await;
@@ -227,7 +227,7 @@ fn disarming_ends_a_start_and_the_bit_allows_one() {
         world.throttle(1900);
         world.pass(5.0).await;
         assert_eq!(world.ordered(1), Some(0), "disarmed: idle");
-        // A change from armed to disarmed also ends one that the bit allowed.
+        // A change from armed to disarmed also ends a start that the bit allowed.
         world.throttle(IDLE_US);
         assert_eq!(world.control(1, &[0.0]).await.0, ACCEPTED);
         world.cold(1).await;
@@ -267,15 +267,15 @@ fn an_emergency_stop_is_latched_and_arming_counts_only_after_disarmed() {
         world.plane.armed.set(true);
         world.pass(5.0).await;
         world.start(1).await;
-        // By the node's component all engines stop; so does DO_FLIGHTTERMINATION.
+        // Addressed to the node's component, it stops all engines; so does DO_FLIGHTTERMINATION.
         assert_eq!(world.command(NODE, CMD_DO_FLIGHTTERMINATION, &[0.0]).await.0, DENIED);
         assert_eq!(world.command(NODE, CMD_DO_FLIGHTTERMINATION, &[1.0]).await.0, ACCEPTED);
         assert!((0..2).all(|engine| world.telemetry(engine).stop_latched));
     });
 }
 
-/// Armed all along, over the stop, its release and a restart of the node before or after that: that is no change from disarmed to armed.
-/// The control: a vehicle that disarms starts again, also one that was disarmed while the node was away.
+/// Armed throughout the stop, its release and a restart of the node before or after it: that is not a change from disarmed to armed. The
+/// control: after the vehicle has disarmed the engine starts again, also if it disarmed while the node restarted.
 #[test]
 fn a_restart_does_not_replace_disarming_after_an_emergency_stop() {
     for (latched, disarms) in
@@ -322,7 +322,7 @@ fn a_restart_does_not_replace_disarming_after_an_emergency_stop() {
     }
 }
 
-/// Radio control releases a stop and arms: with the autopilot disarmed, and with none.
+/// Radio control releases a stop and arms, with a disarmed autopilot and with none.
 #[test]
 fn what_another_source_arms_after_a_stop_stays_armed() {
     for alive in [true, false] {
@@ -370,7 +370,7 @@ fn after_a_restart_an_order_without_a_demand_source_needs_a_station_that_may_com
     run(async |world| {
         world.ready().await;
         assert_eq!(world.set(ENGINE[1], "MAV_THR_SRC", 0.0).await.0, Some(0.0));
-        // The autopilot is one of them, so it must not be for this.
+        // The autopilot is one of them, which this test has to exclude.
         assert_eq!(world.set(NODE, "MAV_OWN_CMD", 0.0).await.0, Some(0.0));
         world.start(1).await;
         world.restart_service();
@@ -397,7 +397,7 @@ fn a_start_waits_for_another_engine() {
         world
             .until("both run", 200, || (0..2).all(|i| world.telemetry(i).state == EngineState::Running))
             .await;
-        // A waiting start is taken back by a stop.
+        // A stop cancels a waiting start.
         for engine in 0..2 {
             assert_eq!(world.control(engine, &[0.0]).await.0, ACCEPTED);
         }
@@ -412,8 +412,8 @@ fn a_start_waits_for_another_engine() {
     });
 }
 
-/// A start that waits "repeats every interlock, arming and idle, when it goes": a stream that rose meanwhile takes it back, and one that
-/// is at idle again starts nothing.
+/// A start that waits "repeats every interlock, arming and idle, when it goes": a stream that rose meanwhile cancels it, and starts
+/// nothing when it is at idle again.
 #[test]
 fn a_start_that_waits_is_refused_when_the_stream_rises() {
     run(async |world| {
@@ -464,7 +464,7 @@ fn damaged_settings_grant_no_start_until_a_person_confirms_them() {
         let (answer, text) = world.command(NODE, USER, CONFIRM_SETTINGS).await;
         assert_eq!((answer, world.service.borrow_mut().take_rewrite()), (NOT_NOW, false), "{text}");
         assert!(matches!(world.telemetry(1).ordered.order, Order::Run(_)));
-        // A stop needs no whole settings. A start does.
+        // A stop does not need intact settings. A start does.
         assert_eq!(world.control(1, &[0.0]).await.0, ACCEPTED);
         world.cold(1).await;
         let (answer, text) = world.control(0, &[1.0]).await;
@@ -490,7 +490,7 @@ fn a_stop_behind_the_rest_of_a_damaged_frame_acts_within_a_second() {
     run(async |world| {
         world.ready().await;
         world.start(1).await;
-        // The first bytes of a frame that is 280 bytes long: everything behind them may belong to it.
+        // The first bytes of a frame of 280 bytes: everything after them may belong to it.
         world.say_bytes(TO_GROUND, &[0xFD, 255, 0, 0, 0, 255, 190, 0, 0, 0]);
         world.pass(0.1).await;
         let stop = COMMAND_LONG_DATA {
@@ -530,9 +530,9 @@ fn a_start_is_in_progress_until_the_engine_runs_only_where_that_is_set() {
         let (last, before) = all.split_last().unwrap();
         assert_eq!(*last, Ack::Accepted as u8, "{all:?}");
         assert!(before.len() > 5 && before.iter().all(|ack| *ack == Ack::InProgress as u8), "{all:?}");
-        // A stop is answered as always, and the earlier start has been.
+        // A stop is answered as always; the earlier start already was.
         assert_eq!(world.control(1, &[0.0]).await.0, Some(Ack::Accepted as u8));
-        // A start that is stopped is cancelled.
+        // A stop cancels a start in progress.
         world.cold(1).await;
         let at = world.frames.borrow().len();
         assert_eq!(world.control(1, &[1.0]).await.0, Some(Ack::InProgress as u8));
@@ -563,8 +563,8 @@ fn without_signing_a_key_is_answered_with_a_text() {
     });
 }
 
-/// On the bench by USB, without an autopilot, the node is system 1. An autopilot that is switched on then is not learnt while the engine is
-/// ordered, and takes neither the id nor a stop from who commands it.
+/// On the bench by USB, without an autopilot, the node is system 1. An autopilot that is then switched on is not learnt while the engine is
+/// ordered to run: whoever commands it keeps the id, and can stop it.
 #[test]
 fn a_stop_counts_while_an_autopilot_is_received_that_is_not_learnt() {
     const SELF: u8 = 1;
@@ -599,7 +599,7 @@ fn a_stop_counts_while_an_autopilot_is_received_that_is_not_learnt() {
             world.pass(5.0).await;
             let frames = world.frames.borrow()[at..].iter().filter(|(_, port, _)| *port == TO_GROUND).count();
             assert!(frames > 20, "{frames} frames in 5 s");
-            // For another system it is no stop: the node has an id here.
+            // Addressed to another system it does not stop: the node has an id here.
             let other = command_to((SYSTEM, ENGINE[1]), command, params);
             world.say(TO_GROUND, GROUND, &other);
             world.pass(0.2).await;
@@ -625,7 +625,7 @@ fn command_to((system, component): (u8, u8), command: u16, params: &[f32]) -> CO
     }
 }
 
-/// On the autopilot's port the node has no id until it has learnt one: a stop counts there whatever system it names, and nothing else does.
+/// On the autopilot's port the node has no id until it has learnt one: there only a stop counts, whatever system it names.
 #[test]
 fn where_the_node_has_no_id_a_stop_to_its_component_counts_and_nothing_else_does() {
     for stop in [true, false] {
@@ -659,7 +659,7 @@ fn a_start_with_a_confirmation_gets_no_old_answer_where_its_run_has_ended() {
             let to = (SYSTEM, ENGINE[1]);
             world.command_from(TO_GROUND, GROUND, to, CMD_DO_ENGINE_CONTROL, 1, &[1.0]).await
         };
-        // A repeat while it runs is answered as it was.
+        // A repeat while it runs gets the same answer.
         assert_eq!(again().await.0, ACCEPTED);
         // Radio control ends it.
         let radio = world.node.owners()[1].source(Origin::Rc).unwrap();
@@ -714,7 +714,7 @@ fn behind_an_accepted_restart_nothing_starts_and_an_engine_that_turns_keeps_the_
         assert_eq!(answer, NOT_NOW);
         assert!(texts.contains("restart"), "{texts}");
         assert!(world.request().is_some());
-        // Radio control starts one meanwhile.
+        // Radio control meanwhile starts one.
         let radio = world.node.owners()[1].source(Origin::Rc).unwrap();
         radio.command(Command::Standby).unwrap();
         radio.command(Command::Run(Demand::Throttle(Throttle::IDLE))).unwrap();
@@ -724,7 +724,8 @@ fn behind_an_accepted_restart_nothing_starts_and_an_engine_that_turns_keeps_the_
     });
 }
 
-/// Radio control arms and starts an engine while the vehicle is disarmed. A start by MAVLink is refused, and takes neither from it.
+/// Radio control arms and starts an engine while the vehicle is disarmed. A start by MAVLink is refused, and does not disarm or
+/// stop it.
 #[test]
 fn a_refused_start_does_not_disarm_what_another_source_has_armed() {
     run(async |world| {
@@ -740,7 +741,7 @@ fn a_refused_start_does_not_disarm_what_another_source_has_armed() {
         assert_eq!(answer, NOT_NOW, "{texts}");
         assert!(world.telemetry(1).armed, "it was armed by radio control");
         assert!(matches!(world.telemetry(1).ordered.order, Order::Run(_)), "its start continues");
-        // The control: what MAVLink itself has armed for a start that is refused is not armed after it.
+        // The control: an engine that MAVLink itself armed for a refused start is not armed afterwards.
         world.left.cut(true);
         world.pass(0.5).await;
         let (answer, _) = world.control(0, &[1.0, 0.0, 0.0, 1.0]).await;

@@ -1,4 +1,4 @@
-//! The key and its time stamp over a loss of power: what has acted does not act again. With the mock of a flash.
+//! The key and its time stamp over a loss of power: a frame that has acted does not act again. With a mock of a flash.
 
 use super::store::{Mock, load};
 use super::world::*;
@@ -55,7 +55,7 @@ fn save(world: &World<'_>, store: &mut Store<'_, Mock<'_>>) {
     }
 }
 
-/// What is found of signing after a loss of power.
+/// The state of signing found after a loss of power.
 fn stored(mock: Mock<'_>, at_rest: &AtRest) -> (Found, Option<SigningState>) {
     let (_, found, records) = load(mock, at_rest);
     (found, records.iter().find_map(|(key, record)| read_signing(*key, record)))
@@ -119,13 +119,13 @@ fn what_acts_waits_until_its_stamp_is_stored_and_what_stops_or_reads_does_not() 
         world.pass(0.1).await;
         assert_eq!(answers(world, at).0, [0, 0]);
         assert!(matches!(world.telemetry(0).ordered.order, Order::Run(_)));
-        // What is in the store is ahead of it.
+        // The stamp in the store is ahead of it.
         let (found, state) = stored(store.into_flash(), &at_rest);
         let state = state.unwrap();
         assert!(found == Found::Whole && state.key() == key(7).as_ref());
         let ahead = state.stamp().get() - stamp;
         assert!((900_000..=1_010_000).contains(&ahead), "{ahead}");
-        // What is covered does not wait.
+        // A covered frame does not wait.
         assert!(world.command(ENGINE[1], CMD_USER_1, &[2.0, 21196.0]).await.0.is_some());
         assert!(world.service.borrow_mut().next_save().is_none());
     });
@@ -145,7 +145,7 @@ fn a_start_that_is_not_stored_within_300_ms_or_that_a_stop_follows_is_refused() 
             acks == [Ack::TemporarilyRejected as u8] && texts.contains("being stored"),
             "{acks:?} {texts}"
         );
-        // A save that comes later does nothing to it.
+        // A later save has no effect on it.
         assert!(world.service.borrow_mut().next_save().is_some());
         world.service.borrow_mut().saved(Instant::now(), Ok(()));
         world.pass(12.0).await;
@@ -184,7 +184,7 @@ fn a_stop_takes_back_only_what_waits_for_its_engine_and_a_cancel_only_if_it_is_a
         world.say(TO_GROUND, GROUND, &stop(0));
         world.pass(1.0).await;
         world.cold(0).await;
-        // Who may not command may not stop, either.
+        // A system that may not command may not stop, either.
         let nobody = Address { system: 9, ..GROUND };
         let cancel = COMMAND_CANCEL_DATA {
             command: CMD_DO_ENGINE_CONTROL,
@@ -208,7 +208,7 @@ fn a_store_that_fails_refuses_at_rest_and_does_not_keep_an_engine_from_a_relight
             assert!(world.service.borrow_mut().next_save().is_some());
             world.service.borrow_mut().saved(Instant::now(), Err(why));
         };
-        // What is due by time.
+        // A save that is due by time.
         fails(world, NotSaved::Failed);
         for why in [NotSaved::Failed, NotSaved::Full] {
             let at = world.frames.borrow().len();
@@ -225,7 +225,7 @@ fn a_store_that_fails_refuses_at_rest_and_does_not_keep_an_engine_from_a_relight
         assert!(world.service.borrow_mut().next_save().is_some());
         world.service.borrow_mut().saved(Instant::now(), Ok(()));
         world.until("the engine runs", 120, || world.telemetry(0).state == EngineState::Running).await;
-        // With an engine that turns, the other one is started in any case, and a text says it.
+        // While one engine turns, the other one is started in any case, and a text reports it.
         let at = world.frames.borrow().len();
         world.say(TO_GROUND, GROUND, &start(1));
         fails(world, NotSaved::Full);
@@ -301,7 +301,7 @@ fn a_replay_after_a_loss_of_power_starts_nothing_and_a_new_start_does() {
     let (found, state) = stored(flash.unwrap(), &at_rest);
     assert_eq!(found, Found::Whole);
     let state = state.unwrap();
-    // With the stamp from before the flight the replay is accepted: nobody else has been received, and it is within a minute.
+    // With the stamp from before the flight the replay is accepted: nobody else has been received, and it is within 1 minute.
     let old = SigningState::new(key(7), before_all());
     for (state, counts) in [(state, false), (old, true)] {
         run_stored(state, async |world| {
@@ -337,8 +337,8 @@ fn setup(secret_key: [u8; 32]) -> SETUP_SIGNING_DATA {
     }
 }
 
-/// Keys are set and cleared, and settings are set in between: the power is cut at every write and erase. What has acted is covered by what is
-/// found then, and the key is the last one that was stored, or the one of the moment.
+/// Keys are set and cleared, and settings are set in between: the power is cut at every write and erase. The state found then covers
+/// everything that has acted, and the key is the last one stored, or the one being stored.
 #[test]
 fn after_a_power_cut_at_any_write_or_erase_no_stamp_goes_back_and_no_key_is_lost() {
     let at_rest = AtRest::new();
@@ -346,7 +346,7 @@ fn after_a_power_cut_at_any_write_or_erase_no_stamp_goes_back_and_no_key_is_lost
     let set_up_and_set = |left, seed| {
         let mock = Mock { left, rng: Rng::with_seed(seed), ..Mock::new(&at_rest) };
         let off = mock.off.clone();
-        // Keys that may be found, and the stamp of the last setting that was obeyed with the last of them.
+        // Keys that may be found, and the stamp of the last setting obeyed with the last of them.
         let (mut keys, mut acted) = (std::vec![None], 0);
         let mut flash = None;
         run_signed(known(), SigningState::NONE, PortConfig::usb(), async |world| {
@@ -367,7 +367,7 @@ fn after_a_power_cut_at_any_write_or_erase_no_stamp_goes_back_and_no_key_is_lost
                         break;
                     }
                     keys = std::vec![key(byte)];
-                    // What came before covers 10 s.
+                    // The previous save covers 10 s.
                     world.stamp.set(world.stamp.get() + 1_500_000);
                     let value = (1000 + 10 * round + i) as i32;
                     // Not over USB.
@@ -411,7 +411,7 @@ fn after_a_power_cut_at_any_write_or_erase_no_stamp_goes_back_and_no_key_is_lost
     assert!(covered > operations / 4, "{covered} of {operations}");
 }
 
-/// With the runner, as an image has it.
+/// With the runner, as in an image.
 #[test]
 fn the_runner_stores_key_and_stamp_without_a_frame_that_comes() {
     sim::clock::reset();
@@ -441,7 +441,7 @@ fn what_counts_at_a_start_is_the_newer_stamp_and_no_key_in_ram_clears_none() {
     assert_eq!(counts(state(key(1), 5), None), (key(1), 5));
     assert_eq!(counts(state(key(1), 5), state(key(1), 7)), (key(1), 7));
     assert_eq!(counts(state(key(1), 9), state(key(1), 7)), (key(1), 9));
-    // A key that could not be stored counts as long as RAM has it.
+    // A key that could not be stored counts as long as it is in RAM.
     assert_eq!(counts(state(key(2), 5), state(key(1), 7)), (key(2), 5));
     assert_eq!(counts(state(None, 9), state(key(1), 7)), (key(1), 9));
     assert_eq!(counts(state(key(1), 9), state(None, 7)), (key(1), 9));

@@ -1,5 +1,5 @@
-//! A node whose stored settings are damaged: who may command, the key and every setting are not known. Only a stop counts, and what a
-//! person does at the board.
+//! A node whose stored settings are damaged: it is unknown who may command; so are the key and every setting. Only a stop counts, and
+//! the actions of a person at the board.
 
 #[cfg(feature = "signing")]
 use super::store::{Mock, Word, load};
@@ -66,7 +66,7 @@ fn nothing_is_obeyed_by_radio_but_a_stop_and_a_stop_of_anybody_is() {
         world.ready().await;
         world.start(1).await;
         world.service.borrow_mut().set_damaged(true);
-        // Also from those who may command by the defaults.
+        // Also from systems that may command by default.
         for (component, params) in
             [(ENGINE[0], RELEASE), (ENGINE[0], &[10.0][..]), (ENGINE[1], &[20.0, 5.0]), (NODE, CONFIRM)]
         {
@@ -82,10 +82,10 @@ fn nothing_is_obeyed_by_radio_but_a_stop_and_a_stop_of_anybody_is() {
             let (echo, text) = world.set(component, name, value).await;
             assert!(echo.is_some_and(|echo| echo != value) && text.contains("damaged"), "{echo:?} {text}");
         }
-        // To read is no danger.
+        // Reading is harmless.
         assert_eq!(world.command(ENGINE[0], CMD_REQUEST_MESSAGE, &[225.0]).await.0, ACCEPTED);
         assert_eq!(world.telemetry(1).state, EngineState::Running, "none of it has touched the engine");
-        // A stop is, from whoever sends it: nobody knows who may.
+        // A stop is obeyed, whoever sends it: it is unknown who may.
         let stop = world.frame(TO_GROUND, STRANGER, &stop_of(1, SYSTEM));
         let to = (SYSTEM, ENGINE[1]);
         let answer = world.answer_to(TO_GROUND, &stop, STRANGER, to, CMD_DO_ENGINE_CONTROL).await;
@@ -95,7 +95,7 @@ fn nothing_is_obeyed_by_radio_but_a_stop_and_a_stop_of_anybody_is() {
         let answer = world.command_from(TO_GROUND, from, (SYSTEM, NODE), CMD_USER_1, 0, EMERGENCY_STOP).await;
         assert_eq!(answer.0, ACCEPTED, "{}", answer.1);
         world.until("latched", 10, || (0..2).all(|engine| world.telemetry(engine).stop_latched)).await;
-        // With whole settings a stranger stops nothing.
+        // With intact settings a stranger stops nothing.
         world.service.borrow_mut().set_damaged(false);
         assert_eq!(world.command(ENGINE[0], CMD_USER_1, RELEASE).await.0, ACCEPTED);
         let answer = world.command_from(TO_GROUND, from, (SYSTEM, NODE), CMD_USER_1, 0, EMERGENCY_STOP).await;
@@ -113,12 +113,12 @@ fn a_person_at_the_board_sets_and_confirms() {
         assert_eq!(world.set(ENGINE[1], "LOSS_HOLD", 500.0).await.0, Some(500.0));
         let (answer, text) = world.control(0, &[1.0]).await;
         assert!(answer == NOT_NOW && text.contains("damaged"), "a start takes the confirmation: {text}");
-        // Not by the autopilot's port.
+        // Not on the autopilot's port.
         let away = world.command_from(TO_AUTOPILOT, GROUND, (SYSTEM, NODE), CMD_USER_1, 0, CONFIRM).await;
         assert!(away.0 == NOT_NOW && !world.service.borrow_mut().take_rewrite(), "{away:?}");
         assert_eq!(world.command(NODE, CMD_USER_1, CONFIRM).await.0, ACCEPTED);
         assert!(world.service.borrow_mut().take_rewrite());
-        // They are damaged until all is stored, and a text says how each ended.
+        // They are damaged until everything is stored, and a text reports each result.
         for result in [Err(NotSaved::Failed), Ok(())] {
             let (answer, text) = world.command(NODE, CMD_USER_1, CONFIRM).await;
             assert!(answer == NOT_NOW && text.contains("being stored"), "once at a time: {answer:?} {text}");
@@ -142,7 +142,7 @@ fn a_person_at_the_board_sets_and_confirms() {
     });
 }
 
-/// The id of the vehicle was learnt, and is lost with the settings: nothing is addressed to a system that the node knows.
+/// The id of the vehicle was learnt, and is lost with the settings: the node knows no system that a message may address.
 #[test]
 fn a_stop_counts_though_the_id_of_the_vehicle_is_lost() {
     run_on_a_radio(known(), async |world| {
@@ -170,8 +170,8 @@ fn a_stop_counts_though_the_id_of_the_vehicle_is_lost() {
     });
 }
 
-/// Which output is the throttle of an engine is also a setting: the demand of a running engine goes through the stages of loss, and
-/// nothing shuts it down.
+/// The throttle output of an engine is also a setting: the demand of a running engine goes through the stages of loss, and nothing
+/// shuts it down.
 #[test]
 fn a_running_engine_runs_on_at_the_fail_safe_throttle() {
     run_on_a_radio(known(), async |world| {
@@ -240,14 +240,14 @@ fn it_is_said_on_every_port_until_it_is_confirmed() {
     });
 }
 
-/// After a reset in flight RAM has the settings: everything continues, and a person confirms them later, where there is USB.
+/// After a reset in flight RAM has the settings: everything continues, and a person confirms them later, over USB.
 #[test]
 fn settings_that_ram_has_retained_count_as_before() {
     run(async |world| {
         world.ready().await;
         let engines: Vec<_> = world.service.borrow().engine_settings().map(|(config, _)| *config).collect();
         assert_eq!(world.set(ENGINE[1], "LOSS_HOLD", 500.0).await.0, Some(500.0));
-        // Of the second engine this, and its output, which is 4 in this world.
+        // For the second engine this, and its output, which is 4 in this world.
         let attached = AttachedDefaults::NONE;
         let node = &NodeSettings::DEFAULT;
         let defaults = Defaults { node, engines: &engines, own: &[], wiring: &[], attached, room: 64 };
@@ -290,7 +290,7 @@ fn settings_that_ram_has_retained_count_as_before() {
     });
 }
 
-/// Who confirms has the board restart next. With the runner and a slow memory, as an image has it.
+/// The person who confirms restarts the board next. With the runner and a slow memory, as in an image.
 #[cfg(feature = "signing")]
 #[test]
 fn a_restart_behind_a_confirmation_waits_until_all_is_stored() {

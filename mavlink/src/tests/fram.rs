@@ -1,4 +1,4 @@
-//! F-RAM on a mock of the chip, from its data sheets: byte by byte, with the power cut at every one of them.
+//! F-RAM on a mock of the chip, written from its data sheets: byte by byte, with a power cut at each byte.
 
 use super::store::rewrite;
 use crate::fram::{CHIPS, Chip, Fram, Maker, NotUsed};
@@ -9,7 +9,7 @@ use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
 use std::collections::BTreeMap;
 use std::vec::Vec;
 
-/// The chip, and who holds its pins.
+/// The chip, and the state of its pins.
 #[derive(Clone, Debug)]
 struct Mock {
     id: Vec<u8>,
@@ -19,9 +19,9 @@ struct Mock {
     enabled: bool,
     /// The pin WP locks the status register.
     locked: bool,
-    /// It takes no write: bytes read back as they were.
+    /// It ignores writes: bytes read back unchanged.
     stuck: bool,
-    /// Bytes of writes until the power fails.
+    /// Bytes that are written until the power fails.
     left: Option<usize>,
     written: usize,
     read: usize,
@@ -47,7 +47,7 @@ impl Mock {
         }
     }
 
-    /// One selection: what comes in, and how many bytes go out.
+    /// One selection: the bytes received, and the number of bytes to return.
     fn selected(&mut self, sent: &[u8], wanted: usize) -> Result<Vec<u8>, ErrorKind> {
         if self.left == Some(0) {
             return Err(ErrorKind::Other);
@@ -79,7 +79,7 @@ impl Mock {
             }
             0x02 => {
                 let (at, data) = address(rest);
-                // Protected as a whole: which blocks does not matter here.
+                // Protects the whole chip: the individual blocks do not matter here.
                 if !core::mem::take(&mut self.enabled) || self.status & 0b1100 != 0 || self.stuck {
                     return Ok(Vec::new());
                 }
@@ -155,7 +155,7 @@ fn an_unknown_chip_or_none_is_not_used() {
         let mock = Mock { id: id.to_vec(), ..good.clone() };
         assert_eq!(Fram::find(mock).err(), Some(NotUsed::Unknown(id)));
     }
-    // The product of the one maker is not that of the other.
+    // A product of one manufacturer is not one of the other.
     let mock = Mock { id: std::vec![0x04, 0x7F, 0x22, 0x08], ..good.clone() };
     assert!(matches!(Fram::find(mock).err(), Some(NotUsed::Unknown(_))));
     assert_eq!(Fram::find(Mock { left: Some(0), ..good }).err(), Some(NotUsed::Bus));
@@ -177,7 +177,7 @@ fn what_does_not_read_back_as_it_was_written_is_an_error() {
     let (mut fram, _) = Fram::find(Mock { stuck: true, ..Mock::new(CHIPS[1]) }).unwrap();
     assert!(block_on(fram.write(0, b"mine")).is_err());
     assert!(block_on(fram.erase(0, 8192)).is_err());
-    // What is there already is.
+    // Bytes that already match need no write.
     block_on(fram.write(0, &[0; 4])).unwrap();
 }
 
@@ -216,7 +216,7 @@ fn after_a_power_cut_at_any_byte_no_record_is_lost_or_old() {
     let (before, _) = save_all(&mut store);
     assert_eq!(before.len(), 4);
     let all = store.into_flash().into_device().written;
-    // Every byte of the first and the last writes; others, also of the moves, at random.
+    // Every byte of the first and the last writes; others, including those of moves, at random.
     let mut rng = fastrand::Rng::with_seed(5);
     let some = (0..100).map(|_| rng.usize(0..all));
     let cuts: Vec<usize> = (0..300).chain(all - 60..all).chain(some).collect();
@@ -243,7 +243,7 @@ fn after_a_power_cut_at_any_byte_no_record_is_lost_or_old() {
     }
 }
 
-/// The engines' tasks begin after it.
+/// The engines' tasks start after it.
 #[test]
 fn a_start_reads_little() {
     let at_rest = AtRest::new();
@@ -265,7 +265,7 @@ fn a_start_reads_little() {
         let (found, ours) = read(store.into_flash().into_device());
         assert_eq!(found, Found::Whole);
         assert!(ours.read <= 4096, "{} bytes", ours.read);
-        // Each word is read once, and once more where it is no head of a record: the first time may have been a fault.
+        // Each word is read once, and again if it is not the head of a record: the first read may have failed.
         let mut mock = Mock::new(chip);
         mock.memory.iter_mut().for_each(|byte| *byte = rng.u8(..));
         let before = mock.memory.clone();
@@ -296,7 +296,7 @@ fn somebody_elses_data_is_overwritten_by_a_save_at_rest_only() {
     assert_eq!((found, records), (Found::Whole, Records::from([(0, b"mine".to_vec())])));
 }
 
-/// The emulated boards have no USB, and so no way to set a key: one of them finds this one in its F-RAM (emulation/tests/pymavlink.rs).
+/// The emulated boards have no USB, so a key cannot be set: one of them finds this one in its F-RAM (emulation/tests/pymavlink.rs).
 /// `JETLINK_WRITE=1` writes it.
 #[test]
 #[cfg(feature = "signing")]

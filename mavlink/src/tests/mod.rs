@@ -1,4 +1,4 @@
-//! The service with whole engines behind it, in virtual time: the runners of the library and simulated ECUs.
+//! The service with whole engines, in virtual time: the runners of the library and simulated ECUs.
 #![allow(clippy::disallowed_methods, reason = "a scenario keeps its own time")]
 
 mod attached;

@@ -1,7 +1,7 @@
-//! Damaged streams: nothing panics, and nothing is obeyed that is not a whole frame with a right checksum.
+//! Damaged streams: nothing panics, and only whole frames with a correct checksum are obeyed.
 //!
-//! What is right is judged by a reader of its own, written from the MAVLink documents: it looks at every offset, computes the
-//! checksum bit by bit, and has the numbers of each message from another implementation (pymavlink 2.4.50).
+//! The judge is an independent reader, written from the MAVLink documents: it examines every offset, computes the checksum
+//! bit by bit, and has the numbers of each message from another implementation (pymavlink 2.4.50).
 
 use crate::dialect::*;
 use crate::frame::{Address, encode};
@@ -18,7 +18,7 @@ use jetlink::node::Node;
 use mavlink_core::Message;
 use std::vec::Vec;
 
-/// Number of a message, its `CRC_EXTRA`, and the offset of its target system where it commands or sets.
+/// Number of a message, its `CRC_EXTRA`, and the offset of its target system if it commands or sets.
 const MESSAGES: [(u32, u8, Option<usize>); 17] = [
     (0, 50, None),
     (20, 214, None),
@@ -144,7 +144,7 @@ fn original(rng: &mut fastrand::Rng) -> Vec<u8> {
     frame.to_vec()
 }
 
-/// Damages a frame: single bits, whole bytes, bursts longer than the checksum, and pieces that are missing or too many.
+/// Damages a frame: single bits, whole bytes, bursts longer than the checksum, and missing or duplicated pieces.
 fn damage(rng: &mut fastrand::Rng, frame: &mut Vec<u8>) {
     let at = rng.usize(0..frame.len());
     match rng.u8(0..7) {
@@ -183,7 +183,7 @@ fn damaged_streams(frames: u64, seed: u64) {
     let (mut sent, mut damaged, mut whole_orders, mut obeyed) = (0_u64, 0_u64, 0_u64, 0_u64);
     let (mut by_chance, mut handled) = (0, 0_u64);
     while sent < frames {
-        // A stream, with the orders in it that were not damaged.
+        // A stream, and its undamaged orders.
         let mut stream = Vec::new();
         let mut untouched = 0;
         for _ in 0..200 {
@@ -214,14 +214,14 @@ fn damaged_streams(frames: u64, seed: u64) {
                 while service.transmit(port, &mut bytes) > 0 {}
             }
         }
-        // Whatever began at its end ends here: zeros may be the rest of its checksum.
+        // A frame begun at its end is completed here: zeros may be the rest of its checksum.
         service.receive(now, port, &[0; 300]);
         stream.extend_from_slice(&[0; 300]);
         let (commands, sets, mut all) = orders(&stream);
         for (id, payload) in core::mem::take(&mut service.handled) {
             let message = trimmed(id, &payload);
             let place = all.iter().position(|found| *found == message);
-            // A frame that was taken is one that the other reader has found, and each of them once.
+            // Each frame taken was also found by the other reader, once.
             let Some(place) = place else { panic!("message {id} is none: {payload:02X?} in {stream:02X?}") };
             all.swap_remove(place);
             handled += 1;
@@ -243,7 +243,7 @@ fn damaged_streams(frames: u64, seed: u64) {
         "{sent} frames, {damaged} of them damaged; {whole_orders} whole orders, of which {by_chance} although damaged; \
          {obeyed} carried out or answered; {handled} messages are what the other reader has found"
     );
-    // Most of what was whole was received, or the judge would judge nothing.
+    // Enough of the whole frames were received, or the test would check nothing.
     assert!(obeyed * 4 > whole_orders && obeyed > 0);
 }
 

@@ -1,4 +1,4 @@
-//! The pump between a port of the service and a USB host, which reads or does not, closes, sleeps and is pulled.
+//! Packets between a port of the service and a USB host that reads or not, closes the port, sleeps or is unplugged.
 
 use crate::dialect::{COMMAND_LONG_DATA, PARAM_REQUEST_READ_DATA, PARAM_VALUE_DATA};
 use crate::frame::{Address, Decoder, Frame, encode};
@@ -24,7 +24,7 @@ const USB: usize = 1;
 
 type TestRunner = Runner<'static, 1, 2>;
 
-/// A host with one bulk endpoint each way, and what is on the wire of the other port.
+/// A host with one bulk endpoint each way, and the bytes on the other port.
 #[derive(Default)]
 struct Host {
     connection: Connection,
@@ -147,12 +147,12 @@ impl Host {
         self.packets.borrow().iter().map(Vec::len).sum()
     }
 
-    /// Whole frames of what was taken, from this packet on, and the bytes that belong to none.
+    /// Whole frames in the taken packets from this one on, and the number of bytes that belong to none.
     fn frames(&self, from: usize) -> (Vec<Frame>, u32) {
         frames(&self.packets.borrow()[from..].concat())
     }
 
-    /// Whether the host passes on everything: what was taken ends with a short packet.
+    /// Whether the host passes on everything: the last packet taken is a short one.
     fn is_passed_on(&self) -> bool {
         self.packets.borrow().last().is_none_or(|packet| packet.len() < PACKET)
     }
@@ -227,7 +227,7 @@ fn full_packet_is_followed_by_another_one_even_an_empty_one() {
     run(async |host, _| {
         host.open();
         let mut empty = 0;
-        // Answers of two lengths in all sums, which wait together.
+        // Answers of two lengths in all combinations, waiting together.
         for (count, others) in (0..9).flat_map(|count| (0..9).map(move |others| (count, others))) {
             pass(20).await;
             host.packets.borrow_mut().clear();
@@ -295,7 +295,7 @@ fn new_opening_begins_clean() {
             host.open();
             host.command(CMD_SET_MESSAGE_INTERVAL, 999, 1e6);
             pass(50).await;
-            // Half of a frame comes; answers wait, as the host does not read.
+            // Half of a frame arrives; answers wait, as the host does not read.
             host.reads.set(false);
             for index in 0..20 {
                 host.request(index);
@@ -306,7 +306,7 @@ fn new_opening_begins_clean() {
             let taken = host.packets.borrow().len();
             end(host);
             pass(50).await;
-            // What is in the chip already goes out: one packet, as no driver takes it back.
+            // The packet already in the chip is sent: no driver takes it back.
             let in_chip = host.waits.borrow().clone().map_or(0, |packet| packet.len());
             assert!((1..=PACKET).contains(&in_chip));
             host.reads.set(true);
@@ -353,7 +353,7 @@ fn host_that_sends_without_a_pause_leaves_the_others_their_turn() {
             host.send(&garbage);
         }
         host.command(CMD_REQUEST_MESSAGE, MESSAGE_HEARTBEAT, 0.0);
-        // All of it is there at once: in virtual time it takes none, and others run in between all the same.
+        // Everything arrives at once, as it takes no virtual time, yet others run in between.
         while !host.sends.borrow().is_empty() {
             pass(1).await;
             assert!(Instant::now() < at + Duration::from_secs(5), "the flood ends");

@@ -110,7 +110,7 @@ fn a_setting_is_set_and_counts() {
         world.ready().await;
         assert_eq!(world.set(ENGINE[1], "LOSS_THR", 200.0).await.0, Some(200.0));
         assert_eq!(world.set(ENGINE[1], "MAV_THR_MAX", 2000.0).await.0, Some(2000.0));
-        // A loss now ends at 20 %, and full throttle is another pulse.
+        // A loss now ends at 20 %, and full throttle has another pulse.
         world.start(1).await;
         world.throttle(2000);
         world.until("full throttle", 15, || world.ordered(1) == Some(1000)).await;
@@ -154,7 +154,7 @@ fn a_refused_setting_echoes_the_old_value() {
         assert!(echo.is_none() && text.contains("no parameter has this name"), "{text}");
         // Component 0 sets nothing.
         assert_eq!(world.set(0, "LOSS_THR", 5.0).await, (None, String::new()));
-        // Somebody who may not.
+        // A system that may not.
         let set = PARAM_SET_DATA {
             param_value: 5.0,
             target_system: SYSTEM,
@@ -171,7 +171,7 @@ fn a_refused_setting_echoes_the_old_value() {
     });
 }
 
-/// A setting of the link waits until the engine is at rest; one that the line has no time for is refused.
+/// A setting of the link waits until the engine is at rest; one that the line is too slow for is refused.
 #[test]
 fn settings_of_a_link_wait_until_the_engine_is_at_rest() {
     run(async |world| {
@@ -231,7 +231,7 @@ fn a_change_that_ram_cannot_retain_is_refused_where_nothing_is_stored() {
         let keep = |keeping| {
             let mut service = world.service.borrow_mut();
             service.set_keeping(keeping);
-            // For what there is, and one change of the node beside the id that was learnt.
+            // Space for the present changes, and one change of the node besides the learnt id.
             let now: usize = service.changes(&NONE).map(|(_, record)| 2 + record.len()).sum();
             service.set_room(Box::leak(Box::new(Defaults { room: 4 + now + 6, ..NONE })));
         };
@@ -240,7 +240,7 @@ fn a_change_that_ram_cannot_retain_is_refused_where_nothing_is_stored() {
         let (echo, text) = world.set(NODE, "MAV_EFI_EVERY", 500.0).await;
         assert!(echo == Some(250.0) && text.contains("RAM retains no more changes"), "{text}");
         assert_eq!(world.set(NODE, "MAV_GCS_2", 10.0).await.0, Some(10.0));
-        // Where it is stored it is accepted, and a text says what a reset would lose.
+        // If it is stored, it is accepted, and a text reports what a reset would lose.
         keep(Keeping::ByBuilder);
         assert_eq!(world.set(NODE, "MAV_EFI_EVERY", 500.0).await.0, Some(500.0));
         let (echo, text) = world.set(NODE, "MAV_EFI_ENGINE", 2.0).await;
@@ -248,7 +248,8 @@ fn a_change_that_ram_cannot_retain_is_refused_where_nothing_is_stored() {
     });
 }
 
-/// Neither own components nor a ground station may set what shuts them out: nobody could set it back. Over USB a person at the board may.
+/// Neither the vehicle's components nor a ground station may set a value that shuts them out: nobody could undo it. A person at the board
+/// may, over USB.
 #[test]
 fn who_may_command_cannot_be_set_so_that_its_sender_may_not() {
     for usb in [false, cfg!(feature = "signing")] {
@@ -259,7 +260,7 @@ fn who_may_command_cannot_be_set_so_that_its_sender_may_not() {
             let (echo, text) = world.set(NODE, "MAV_GCS_1", 254.0).await;
             assert_eq!(echo, Some(if usb { 254.0 } else { 255.0 }), "{text}");
             assert_eq!(text.contains("set it over USB"), !usb, "{text}");
-            // Over USB it is set back. The control: with another one set, the first may go.
+            // Over USB it is set back. The control: with another one set, the first may be removed.
             assert_eq!(world.set(NODE, "MAV_GCS_1", 255.0).await.0, Some(255.0));
             assert_eq!(world.set(NODE, "MAV_GCS_2", 255.0).await.0, Some(255.0));
             assert_eq!(world.set(NODE, "MAV_GCS_1", 0.0).await.0, Some(0.0));

@@ -1,4 +1,4 @@
-//! A node with a key: what is not signed moves nothing, and the key is set over USB only.
+//! A node with a key: unsigned frames have no effect, and only USB sets the key.
 
 use super::world::*;
 use crate::dialect::*;
@@ -92,7 +92,7 @@ fn a_start_has_to_be_signed_and_new() {
         assert_eq!(started_by(world, TO_GROUND, &other_link).await, None);
         assert_eq!(counted(world), SigningCounters { not_signed: 1, badly_signed: 2, ..NOTHING });
         assert_eq!(world.telemetry(0).state, EngineState::Standby);
-        // What pymavlink signs is obeyed, and once only.
+        // Frames signed by pymavlink are obeyed, but only once.
         assert_eq!(started_by(world, TO_GROUND, &bytes(START)).await, Some(0));
         world.until("the engine runs", 120, || world.telemetry(0).state == EngineState::Running).await;
         assert_eq!(world.command(ENGINE[0], CMD_DO_ENGINE_CONTROL, &[0.0]).await.0, Some(0));
@@ -193,13 +193,13 @@ fn an_autopilot_without_the_key_is_no_autopilot() {
     let kept = || SigningState::new(key(), Stamp::new(SENDERS_STAMP).unwrap());
     run_signed(settings, kept(), PortConfig::network(), async |world| {
         world.ready().await;
-        // It loses its key in flight: a dead source, which goes to the fail-safe throttle.
+        // It loses its key in flight: its source is lost, and the engine goes to the fail-safe throttle.
         world.start(0).await;
         world.throttle(1500);
         world.pass(15.0).await;
         assert!(world.ordered(0).unwrap() > 400);
         let (with_key, demands) = (world.key.take(), world.service.borrow().counters().demands);
-        // What the node sends is signed still.
+        // The node's frames are still signed.
         world.key_is_everywhere.set(false);
         world.pass(10.0).await;
         assert_eq!(world.ordered(0), Some(0));
@@ -264,7 +264,7 @@ fn setup(secret_key: [u8; 32], target_component: u8) -> SETUP_SIGNING_DATA {
     }
 }
 
-/// Whether the node has a key, and the texts that came with it.
+/// Whether the node has a key afterwards, and the accompanying texts.
 async fn set_up(world: &World<'_>, port: usize, frame: &[u8]) -> (bool, String) {
     let before = world.texts().len();
     world.say_bytes(port, frame);
@@ -291,7 +291,7 @@ fn the_key_is_set_and_cleared_by_usb_with_all_engines_at_rest() {
         assert_eq!(counted(world), SigningCounters { setups_refused: 2, ..NOTHING });
         let (has, texts) = set_up(world, TO_GROUND, &bytes(SETUP)).await;
         assert!(has && texts.contains("signing key set"), "{texts}");
-        // The autopilot has no key yet; what comes over USB needs none, and what is sent is signed from here on.
+        // The autopilot has no key yet; frames over USB need none, and the node signs from here on.
         world.pass(5.0).await;
         assert!(counted(world).not_signed > 50);
         let (answer, texts) = world.control(0, &[1.0]).await;
@@ -372,7 +372,7 @@ fn what_was_ignored_is_shown_by_the_node() {
     });
 }
 
-/// A link that was cut shows nothing of its engine.
+/// A link that was cut shows nothing about its engine.
 #[test]
 fn no_key_is_set_while_an_engine_is_not_seen_at_rest() {
     run(async |world| {
@@ -388,8 +388,8 @@ fn no_key_is_set_while_an_engine_is_not_seen_at_rest() {
     });
 }
 
-/// An autopilot without the time of day signs with a clock that is behind. It was there first, so it is known, and a reset of the node in
-/// flight makes no stranger of it.
+/// An autopilot without real time signs with a clock that is behind. It was received first, so it is known, and stays known over a reset
+/// of the node in flight.
 #[test]
 fn an_autopilot_with_a_clock_behind_is_followed_after_a_reset_of_the_node() {
     const BEHIND: u64 = 120 * 100_000;
@@ -405,7 +405,7 @@ fn an_autopilot_with_a_clock_behind_is_followed_after_a_reset_of_the_node() {
         world.throttle(1300);
         world.until("it follows again", 10, || world.ordered(0) == Some(250)).await;
         assert_eq!(counted(world).clocks_behind, 0);
-        // What it had sent before is a replay all the same.
+        // Its earlier frames are still replays.
         let beat = HEARTBEAT_DATA { mavtype: 1, autopilot: 3, ..Default::default() };
         let old = world.frame(TO_AUTOPILOT, AUTOPILOT, &beat);
         world.pass(2.0).await;

@@ -1,5 +1,5 @@
-//! Records on a mock of an STM32H7's flash: words of 32 bytes, which are written once between two erases and which are unreadable
-//! when a power cut tears them.
+//! Records on a mock of an STM32H7's flash: words of 32 bytes that can be written once between two erases, and are unreadable
+//! after a power cut has torn them.
 
 use super::world::*;
 use crate::record;
@@ -26,7 +26,7 @@ const SECTOR: usize = 1024;
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Word {
     Holds([u8; WORD]),
-    /// Two wrong bits: every read is an error.
+    /// Two wrong bits: every read fails.
     Torn,
 }
 
@@ -35,17 +35,17 @@ const EMPTY: Word = Word::Holds([0xFF; WORD]);
 #[derive(Clone, Debug)]
 pub struct Mock<'a> {
     pub words: Vec<Word>,
-    /// Writes and erases until the power fails; it tears the last one.
+    /// Number of writes and erases until the power fails; the last one is torn.
     pub left: Option<usize>,
     /// Writes and erases so far.
     pub done: usize,
     pub erases: usize,
-    /// Writes, or erases, do nothing and report that all is well.
+    /// Writes, or erases, have no effect and report success.
     pub takes_no_write: bool,
     pub takes_no_erase: bool,
     /// The power has failed.
     pub off: Rc<Cell<bool>>,
-    /// Erases are an error.
+    /// Erases fail.
     pub refuses_erase: Rc<Cell<bool>>,
     /// Time that an erase takes.
     pub erase_time: Option<Duration>,
@@ -71,13 +71,13 @@ impl<'a> Mock<'a> {
         }
     }
 
-    /// What a cut makes of a word that would have become `new`.
+    /// Effect of a power cut on a word that would have become `new`.
     fn tear(&mut self, old: Word, new: Word) -> Word {
         match self.rng.u8(0..4) {
             0 => old,
             1 => new,
             2 => Word::Torn,
-            // Some of its bits, and by chance readable.
+            // Some of its bits, readable by chance.
             _ => match (old, new) {
                 (Word::Holds(old), Word::Holds(new)) => {
                     let mask: u8 = self.rng.u8(..);
@@ -226,19 +226,19 @@ fn after_a_power_cut_at_any_write_or_erase_no_record_is_lost_or_old() {
         }
         let case = std::format!("cut at operation {cut}, seed {seed}");
         let mock = Mock { left: None, ..store.into_flash() };
-        // In flight it is read, and nothing is erased: the mock would report it.
+        // In flight it is read, and nothing is erased: the mock would report an erase.
         at_rest.set(false);
         let (store, found, records) = load(mock, &at_rest);
         assert!(records == before || records == after, "{case}: {records:?}");
         let expected = if records.is_empty() { Found::Empty } else { Found::Whole };
         assert_eq!(found, expected, "{case}");
-        // And at rest it continues, over a whole sector.
+        // At rest it continues, over a whole sector.
         at_rest.set(true);
         let (mut store, _, mut records) = load(store.into_flash(), &at_rest);
         for (key, record) in changes.iter().take(20) {
             records.insert(*key, record.clone());
             if block_on(store.save(*key, record)).is_err() {
-                // A word that looks empty to the crate and is not.
+                // A word that looks empty to the crate, but is not.
                 rewrite(&mut store, &records).unwrap();
             }
         }
@@ -296,7 +296,8 @@ fn empty_and_damaged_differ() {
     }
     let mock = store.into_flash();
     let used = mock.words.iter().rposition(|&word| word != EMPTY).unwrap();
-    // A mark, and three words for each record. Each word but the mark and those of the last record is missed.
+    // A mark, and three words for each record. The loss of each word is noticed, except the mark and the words of the last
+    // record.
     for word in 1..used - 2 {
         for damage in [Word::Torn, Word::Holds([0x5A; WORD])] {
             let mut mock = mock.clone();
@@ -305,7 +306,7 @@ fn empty_and_damaged_differ() {
             assert_eq!((found, records.len()), (Found::Damaged, 4), "word {word}");
         }
     }
-    // Nothing of it is readable, or all of it is wrong: it is known by its mark and its length, and not without a mark.
+    // It is entirely unreadable or wrong: only its mark and its length identify it.
     const WRONG: Word = Word::Holds([0x5A; WORD]);
     let marked = mock.words[0];
     for (mark, damage, expected) in [
@@ -325,16 +326,16 @@ fn empty_and_damaged_differ() {
             assert_eq!((found, records.len()), (expected, 0), "{mark:?} {damage:?}");
         }
     }
-    // A first record that a power cut tore is no damage.
+    // A first record torn by a power cut is not damage.
     let mut first = Mock::new(&at_rest);
     first.words[..11].fill(Word::Torn);
     first.words[0] = marked;
     assert_eq!(load(first, &at_rest).1, Found::Empty);
-    // Zeros are nobody's.
+    // Zeros belong to nobody.
     let mut zeros = Mock::new(&at_rest);
     zeros.words.fill(Word::Holds([0; WORD]));
     assert_eq!(load(zeros, &at_rest).1, Found::Empty);
-    // Data of another program is not a record of ours, and is overwritten when it may be.
+    // Another program's data is not a record of ours, and is overwritten when permitted.
     let mut rng = Rng::with_seed(3);
     for _ in 0..200 {
         let mut mock = Mock::new(&at_rest);
@@ -365,7 +366,7 @@ fn what_is_damaged_stays_damaged_until_all_is_rewritten() {
     mock.words[1] = Word::Torn;
     let (mut store, found, _) = load(mock, &at_rest);
     assert_eq!(found, Found::Damaged);
-    // Far enough for a move to the other sector and back: a save, even of the record that was lost, makes nothing whole.
+    // Enough for a move to the other sector and back: no save repairs it, not even of the lost record.
     for i in 0..40 {
         block_on(store.save(i % 3, &[i; 40])).unwrap();
         let (again, found, _) = load(store.into_flash(), &at_rest);
@@ -388,7 +389,7 @@ fn after_a_power_cut_during_a_rewrite_all_old_records_apply_or_all_new_ones() {
     let of = |first: u8| -> Records { (0..4).map(|key| (key, std::vec![first + key; 40])).collect() };
     let new = of(100);
     for (damaged, filled) in [(false, 4), (true, 4), (false, 13), (true, 13)] {
-        // With 13 records a move has been made, so that the other sector is the one in use.
+        // With 13 records a move has taken place, so that the other sector is in use.
         let (mut store, _, _) = load(Mock::new(&at_rest), &at_rest);
         for i in 0..filled {
             block_on(store.save(i % 4, &[i; 40])).unwrap();
@@ -443,7 +444,7 @@ fn an_erase_that_was_refused_is_made_up_for_before_the_next_move() {
     refuses.set(true);
     let (mut store, _, _) = load(mock, &at_rest);
     let changes = changes(60);
-    // Nothing is taken from the first move on, and nothing is lost.
+    // From the first move on nothing is accepted, and nothing is lost.
     let taken = changes.iter().take_while(|(key, record)| block_on(store.save(*key, record)).is_ok()).count();
     assert!((5..changes.len()).contains(&taken), "{taken}");
     let (mut store, found, records) = load(store.into_flash(), &at_rest);
@@ -472,7 +473,7 @@ fn a_memory_that_takes_nothing_and_reports_no_error_is_found_out() {
     assert_eq!(block_on(store.save(0, b"new")), Err(NotSaved::Failed));
     let (_, found, records) = load(store.into_flash(), &at_rest);
     assert_eq!((found, &records), (Found::Whole, &expected));
-    // Somebody else's data is in the other sector, and stays there: nothing is written over it.
+    // The other sector contains foreign data, which stays there: nothing is written over it.
     let mut mock = Mock { takes_no_erase: true, ..good };
     mock.words[SECTOR / WORD..].fill(Word::Holds([0x5A; WORD]));
     let (mut store, _, _) = load(mock, &at_rest);

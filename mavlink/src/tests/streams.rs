@@ -8,7 +8,7 @@ use embassy_time::{Duration, Instant};
 use std::string::{String, ToString};
 use std::vec::Vec;
 
-/// Messages of a component on a port within the last seconds, a second.
+/// Rate of a component's messages on a port within the last seconds, per second.
 fn rate(world: &World<'_>, seconds: u64, port: usize, component: u8, what: fn(&MavMessage) -> bool) -> f64 {
     let from = Instant::now() - Duration::from_secs(seconds);
     let frames = world.frames.borrow();
@@ -37,7 +37,7 @@ fn nothing_is_sent_before_the_vehicle_is_known_and_heartbeats_after() {
         for (_, _, frame) in &*world.frames.borrow() {
             assert_eq!(frame.from.system, SYSTEM);
             if let MavMessage::HEARTBEAT(beat) = &frame.message() {
-                // Nothing that a ground station takes for a vehicle, or for one that is armed.
+                // A ground station must not take it for a vehicle, or for an armed one.
                 assert_eq!((beat.mavtype, beat.autopilot), (TYPE_GENERIC, AUTOPILOT_INVALID));
                 assert_eq!((beat.base_mode, beat.mavlink_version), (MODE_CUSTOM, 3));
             }

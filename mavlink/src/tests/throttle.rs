@@ -1,4 +1,4 @@
-//! Throttle from the autopilot: what it moves, what it never starts, and what its silence does.
+//! Throttle from the autopilot: what it moves, what it never starts, and the effect of its silence.
 
 use super::world::*;
 use crate::dialect::{HEARTBEAT_DATA, RC_CHANNELS_OVERRIDE_DATA};
@@ -46,7 +46,7 @@ fn a_start_runs_at_idle_and_then_follows_the_throttle() {
             world.until("idle", 10, || world.ordered(engine) == Some(0)).await;
             world.pass(12.0).await;
         }
-        // Pulse widths that nobody accepts are silence: the last demand is held, then the fail-safe throttle.
+        // Pulse widths that are not accepted count as silence: the last demand is held, then the fail-safe throttle follows.
         world.throttle(1700);
         world.until("both", 10, || (0..2).all(|engine| world.ordered(engine) == Some(750))).await;
         world.throttle(0);
@@ -119,7 +119,7 @@ fn a_dead_autopilot_leads_to_the_stages_of_loss_and_its_return_is_no_jump() {
         assert_eq!(last, 0, "disarmed");
         world.plane.armed.set(true);
         world.rises_to(1, 1000).await;
-        // It had forgotten the rate, and it was requested again.
+        // It had forgotten the rate, which was requested again.
         let requests = world.plane.requests.borrow();
         assert!(requests.len() >= 2 && requests.iter().all(|(_, us)| *us == 25_000.0), "{requests:?}");
         let gaps: Vec<Duration> = requests.windows(2).map(|two| two[1].0 - two[0].0).collect();
@@ -127,7 +127,7 @@ fn a_dead_autopilot_leads_to_the_stages_of_loss_and_its_return_is_no_jump() {
     });
 }
 
-/// The autopilot dies 4 s after its start, and is back with a clock that is past its old one and 5 s behind it.
+/// The autopilot fails 4 s after its start, and returns with a clock that is past its old one, but 5 s late.
 async fn restarts_early(world: &World<'_>) {
     world.plane.booted.set(Instant::now());
     world.pass(4.0).await;
@@ -153,7 +153,7 @@ fn an_autopilot_that_restarts_in_its_first_seconds_is_followed_again() {
     });
 }
 
-/// To an armed vehicle the same stream is one that a radio holds back.
+/// From an armed vehicle the same stream is one held back by a radio.
 #[test]
 fn a_stream_of_an_armed_vehicle_that_comes_late_from_a_gap_on_is_lost() {
     run(async |world| {
@@ -223,7 +223,7 @@ fn rc_override_is_a_throttle_only_where_it_is_chosen() {
         assert_eq!(world.telemetry(1).state, EngineState::Running);
         send(GROUND, ENGINE[1], 1900).await;
         assert_eq!(world.ordered(1), Some(1000));
-        // Somebody else's, and what is addressed elsewhere, is silence.
+        // Frames from others, and frames addressed elsewhere, are silence.
         send(Address { system: 7, component: 190 }, ENGINE[1], 1900).await;
         send(GROUND, 0, 1900).await;
         assert!(world.telemetry(1).loss != LossStage::None);
@@ -302,7 +302,7 @@ fn a_vehicle_that_was_learnt_is_known_at_once_after_a_reset_in_flight() {
         let (answer, texts) = world.command(ENGINE[1], CMD_USER_1, &[1.0, 21196.0]).await;
         assert_eq!(answer, Some(0), "an emergency stop: {texts}");
         assert!(world.telemetry(1).stop_latched);
-        // Another vehicle is accepted from the node's next start, and not while ours is there.
+        // Another vehicle is accepted from the node's next start, and not while ours is received.
         world.pass(40.0).await;
         let (answer, _) = world.command(ENGINE[1], CMD_USER_1, &[2.0, 21196.0]).await;
         assert_eq!(answer, Some(0));
@@ -318,7 +318,7 @@ fn a_vehicle_that_was_learnt_is_known_at_once_after_a_reset_in_flight() {
     });
 }
 
-/// PX4 as its source has it: a stream for each instance of its outputs, of which a request for a rate moves the first only, and 0 for an
+/// PX4 as its source has it: a stream for each instance of its outputs, where a requested rate affects only the first, and 0 for an
 /// output that is off.
 #[test]
 fn px4_sends_the_outputs_of_each_instance_and_the_engine_follows_its_own() {
@@ -341,13 +341,13 @@ fn px4_sends_the_outputs_of_each_instance_and_the_engine_follows_its_own() {
         world.until("it follows", 2, || world.ordered(1) == Some(500)).await;
         world.pass(5.0).await;
         assert_eq!(world.telemetry(1).loss, LossStage::None, "ten frames a second are enough");
-        // PX4 gives 0 where an output is off, and the frames come.
+        // PX4 sends 0 for an output that is off, and its frames continue.
         second(0);
         world.until("silence", 5, || world.telemetry(1).loss == LossStage::Hold).await;
         second(1500);
         world.until("it is there again", 20, || world.telemetry(1).loss == LossStage::None).await;
         world.rises_to(1, 500).await;
-        // The second instance is gone, the first comes.
+        // The second instance is gone, the first continues.
         world.plane.px4.set(Some(None));
         world.until("silence", 5, || world.telemetry(1).loss == LossStage::Hold).await;
         world.until("fail-safe throttle", 10, || world.ordered(1) == Some(0)).await;
@@ -358,8 +358,8 @@ fn px4_sends_the_outputs_of_each_instance_and_the_engine_follows_its_own() {
     });
 }
 
-/// "Two are received: a text, none is learnt." It goes out under the id of each of them, because the node has none. The control: beside a single one
-/// the node is silent until it has learnt it, and that is no error.
+/// "Two are received: a text, none is learnt." It goes out under the id of each of them, because the node has none. The control: with a single one
+/// the node is silent until it has learnt it, which is not an error.
 #[test]
 fn of_two_autopilots_none_is_learnt_and_a_text_says_so() {
     for two in [true, false] {
@@ -454,8 +454,8 @@ fn disarmed_holds_at_idle_over_a_restart_of_the_node() {
     });
 }
 
-/// In flight, with or without heartbeats: nobody knows yet whether the vehicle is armed, so the demand does not rise. It does not fall to idle,
-/// either. Without heartbeats that is for 3 s.
+/// In flight, with or without heartbeats: it is unknown yet whether the vehicle is armed, so the demand does not rise. It does not fall to
+/// idle, either. Without heartbeats this lasts 3 s.
 #[test]
 fn an_engine_in_flight_keeps_its_throttle_over_a_restart_of_the_node() {
     for heartbeats in [true, false] {
@@ -486,7 +486,7 @@ fn a_vehicle_that_disarms_while_the_node_restarts_disarms_its_engines() {
         world.restart_service();
         world.pass(10.0).await;
         assert!((0..2).all(|engine| !world.telemetry(engine).armed));
-        // The control: what another source has armed stays armed.
+        // The control: an engine armed by another source stays armed.
         let radio = world.node.owners()[1].source(Origin::Rc).unwrap();
         radio.command(Command::Arm).unwrap();
         world.restart_service();
@@ -510,7 +510,7 @@ fn a_vehicle_that_disarms_while_the_node_restarts_ends_a_start() {
     }
 }
 
-/// Nobody knows who ran it: its switch is at run, and the stream takes it over once the vehicle is armed.
+/// It is unknown who ran it: its switch is at run, and the stream takes it over once the vehicle is armed.
 #[test]
 fn an_engine_that_is_found_running_without_memory_follows_the_stream_once_armed() {
     run_beside_a_running_engine(async |world| {
@@ -526,7 +526,7 @@ fn an_engine_that_is_found_running_without_memory_follows_the_stream_once_armed(
     });
 }
 
-/// After a gap its order is given up, and it is found again without a source. Who flew it before is known: it is radio control's.
+/// After a gap its order is given up, and it is found again without a source. Its previous source is known: radio control.
 #[test]
 fn an_engine_that_another_source_has_flown_is_not_taken_over_after_a_gap() {
     for by_radio in [true, false] {
@@ -557,7 +557,7 @@ fn an_engine_that_another_source_has_flown_is_not_taken_over_after_a_gap() {
             } else {
                 world.start(0).await;
             }
-            // Its lines are interrupted for longer than the node takes for its ECU's time, and radio control is silent.
+            // Its lines are interrupted for longer than the time that the node assumes for its ECU, and radio control is silent.
             world.left.cut(true);
             world.until("given up", 10, || world.telemetry(0).ordered.order == Order::Listen).await;
             world.left.cut(false);
@@ -569,7 +569,7 @@ fn an_engine_that_another_source_has_flown_is_not_taken_over_after_a_gap() {
     }
 }
 
-/// The node takes its ECU for one that stops its turbine after 0.5 s without a reply.
+/// The node assumes that the ECU stops its turbine after 0.5 s without a reply.
 fn quick() -> LinkSettings {
     let mut config = EngineConfig::amt("left", 0, Line::new(9600), None);
     assert!(config.change("AMT_SER_DELAY", 1000));

@@ -1,4 +1,4 @@
-//! What engines are wired to, as parameters of the node.
+//! The engines' wiring, as parameters of the node.
 
 use super::world::*;
 use crate::dialect::*;
@@ -15,7 +15,7 @@ use std::collections::BTreeSet;
 use std::string::{String, ToString};
 use std::vec::Vec;
 
-/// Of the engines of the world.
+/// Wiring of the engines of the world.
 const IMAGE: [Wiring; 2] = [
     Wiring::of(&EngineConfig::amt("left", 0, Line::new(9600), None)),
     Wiring::of(&EngineConfig::zk("right", 1, Line::new(9600), Rate::Hz20)),
@@ -67,7 +67,7 @@ fn wiring_is_set_counts_from_the_next_start_on_and_changes_nothing_before() {
         world.ready().await;
         world.service.borrow_mut().set_wiring(&IMAGE, &IMAGE, None);
         let before: Vec<_> = world.service.borrow().engine_settings().map(|(config, _)| *config).collect();
-        // Two ports change places: in between they contradict each other.
+        // Two engines swap ports: in between they contradict each other.
         for (name, value) in [
             ("E1_PORT", 1.0),
             ("E2_PORT", 0.0),
@@ -139,7 +139,7 @@ fn wiring_is_refused_while_an_engine_turns_and_set_when_it_is_at_rest() {
     });
 }
 
-/// Of the record of the node, as a start reads it.
+/// Contents of the record of the node, as a start reads it.
 fn read(record: &[u8]) -> (NodeSettings, [Wiring; 2]) {
     let (mut node, mut wiring) = (NodeSettings::DEFAULT, IMAGE);
     record::apply_to_node(&mut node, &mut wiring, record);
@@ -158,11 +158,11 @@ fn a_record_of_the_node_has_the_wiring_that_differs_from_the_image_and_no_other(
         let stored = record::of_node(&node, None, &wiring, &IMAGE);
         assert_eq!(stored.len(), empty.len() + 6, "one number has all of it");
         assert_eq!(read(&stored), (node, wiring), "{name}");
-        // Where it is as in the image, another image has its own.
+        // If it is as in the image, another image uses its own.
         let (mut other, mut image) = (NodeSettings::DEFAULT, [Wiring::of(&OTHER); 2]);
         record::apply_to_node(&mut other, &mut image, &stored);
         assert_eq!((other, image), (node, [Wiring::of(&OTHER), wiring[1]]));
-        // What is damaged, and no wiring, changes nothing.
+        // A damaged record, or one that is not a wiring, changes nothing.
         let mut damaged = stored.clone();
         damaged.iter_mut().rev().take(4).for_each(|byte| *byte = 0xFF);
         assert_eq!(read(&damaged), (node, IMAGE));
@@ -235,7 +235,7 @@ fn wiring_that_contradicts_itself_is_said_on_every_port_and_engines_start_all_th
             "{}",
             world.texts()
         );
-        // It can be looked at and corrected.
+        // It can be read and corrected.
         assert_eq!(world.set(NODE, "E2_PORT", 1.0).await.0, Some(1.0));
         world.start(0).await;
         let at = world.frames.borrow().len();

@@ -40,7 +40,7 @@ pub const ENGINE: [u8; 2] = [26, 27];
 pub const TO_AUTOPILOT: usize = 0;
 pub const TO_GROUND: usize = 1;
 pub const IDLE_US: u16 = 1100;
-/// Time stamp of the autopilot and the ground station as the scenario begins.
+/// Time stamp of the autopilot and the ground station at the start of the scenario.
 pub const SENDERS_STAMP: u64 = 90_000_000_000_000;
 
 static ERRORS: LineErrors = LineErrors::new();
@@ -50,28 +50,28 @@ pub type TestService<'a> = Service<'a, 2, 2, Toy>;
 /// The simulated autopilot.
 #[derive(Debug)]
 pub struct Plane {
-    /// Heartbeats and outputs come.
+    /// It sends heartbeats and outputs.
     pub alive: Cell<bool>,
     pub armed: Cell<bool>,
-    /// Its heartbeats come; off: its outputs alone.
+    /// It sends heartbeats; off: its outputs only.
     pub heartbeats: Cell<bool>,
     pub system: Cell<u8>,
     /// Pulse widths of outputs 1 to 16; engines use 3 and 4.
     pub outputs: Cell<[u16; 16]>,
-    /// Time between two frames of outputs; `None`: as it granted.
+    /// Time between two frames of outputs; `None`: as granted.
     pub every: Cell<Option<Duration>>,
     granted: Cell<Option<Duration>>,
     /// It is PX4, with these pulse widths in the second instance of its outputs, ten times a second; `None` there: that instance is gone.
     pub px4: Cell<Option<Option<[u16; 16]>>>,
-    /// Its clock began then.
+    /// Time at which its clock began.
     pub booted: Cell<Instant>,
     pub requests: RefCell<Vec<(Instant, f32)>>,
 }
 
-/// Everything that a test looks at and moves.
+/// Everything that a test reads and changes.
 pub struct World<'a> {
     pub service: RefCell<TestService<'a>>,
-    /// What is attached; off at first.
+    /// Attached devices; off at first.
     pub toy: Rc<State>,
     pub node: &'a Node<2>,
     pub plane: Plane,
@@ -85,7 +85,7 @@ pub struct World<'a> {
     /// The node also has that key, but not while a test sets it.
     pub key_is_everywhere: Cell<bool>,
     ports: [PortConfig; 2],
-    /// The service restarted: what was being sent is cut off.
+    /// The service restarted: the transmission in progress is cut off.
     restarted: Cell<bool>,
     pub frames: RefCell<Vec<(Instant, usize, Frame)>>,
     /// Bytes that were sent on each port.
@@ -103,7 +103,7 @@ impl World<'_> {
         self.service.borrow_mut().receive(Instant::now(), port, bytes);
     }
 
-    /// A frame, signed where there is a key.
+    /// A frame, signed if there is a key.
     pub fn frame<M: MessageData>(
         &self,
         port: usize,
@@ -120,7 +120,7 @@ impl World<'_> {
         frame
     }
 
-    /// What the node has to do besides.
+    /// Requests to the node.
     pub fn request(&self) -> Option<Request> {
         self.service.borrow_mut().request(Instant::now())
     }
@@ -137,7 +137,7 @@ impl World<'_> {
         Timer::after(Duration::from_micros((seconds * 1e6) as u64)).await;
     }
 
-    /// Waits until it is so.
+    /// Waits until the condition holds.
     #[track_caller]
     pub fn until(
         &self,
@@ -152,7 +152,7 @@ impl World<'_> {
         }
     }
 
-    /// Sends a command and returns its answer, which comes within 0.5 s, with the texts that came with it.
+    /// Sends a command and returns its answer, which arrives within 0.5 s, with the accompanying texts.
     pub async fn command_from(
         &self,
         port: usize,
@@ -219,7 +219,7 @@ impl World<'_> {
         self.command(ENGINE[engine], CMD_DO_ENGINE_CONTROL, params).await
     }
 
-    /// Sets a parameter and returns what comes back, with the texts.
+    /// Sets a parameter and returns the answer, with the texts.
     pub async fn set(&self, component: u8, name: &str, value: f32) -> (Option<f32>, String) {
         let at = self.frames.borrow().len();
         let message = PARAM_SET_DATA {
@@ -253,7 +253,7 @@ impl World<'_> {
         self.restart_with(settings);
     }
 
-    /// The same, and the stored settings are damaged: the defaults apply.
+    /// The same, with damaged stored settings: the defaults apply.
     pub fn lose_settings(&self) {
         self.restart_with(NodeSettings::DEFAULT);
         self.service.borrow_mut().set_damaged(true);
@@ -267,7 +267,7 @@ impl World<'_> {
             (retained(service.signing(now)), engines)
         };
         let ports = self.ports;
-        // The sources are given back first.
+        // Returns the sources first.
         self.service.replace(Service::with(
             now,
             settings,
@@ -295,7 +295,7 @@ impl World<'_> {
         self.plane.outputs.set(outputs);
     }
 
-    /// Armed, learnt, in standby, with the throttle at idle.
+    /// Waits until the vehicle is armed and learnt, and the engines are in standby, with the throttle at idle.
     pub async fn ready(&self) {
         self.plane.armed.set(true);
         self.until("the engines are in standby", 30, || {
@@ -317,7 +317,7 @@ impl World<'_> {
     /// Waits until an engine that was stopped is cold and in standby.
     pub async fn cold(&self, engine: usize) {
         let (begin, mut since) = (Instant::now(), Instant::now());
-        // An ECU may report standby for a moment on its way.
+        // An ECU may briefly report standby in between.
         while Instant::now() < since + Duration::from_secs(15) {
             let telemetry = self.telemetry(engine);
             let egt = telemetry.current(telemetry.report.egt).is_some_and(|egt| egt.tenths() < 900);
@@ -341,7 +341,7 @@ impl World<'_> {
         texts
     }
 
-    /// Waits until an engine is ordered to a throttle that is above, and looks that it rises at its rate, 50 % a second.
+    /// Waits until an engine is ordered to a higher throttle, and checks that it rises at its rate, 50 %/s.
     pub async fn rises_to(&self, engine: usize, throttle: u16) {
         let mut before = self.ordered(engine).unwrap();
         let end = Instant::now() + Duration::from_secs(15);
@@ -429,7 +429,7 @@ impl World<'_> {
         }
     }
 
-    /// Moves time and bytes, as a runner does: every 5 ms, and at 57 600 baud on the autopilot's port.
+    /// Passes time and bytes, as a runner does: every 5 ms, and at 57 600 baud on the autopilot's port.
     async fn serve(&self) {
         let mut decoders = [Decoder::new(), Decoder::new()];
         loop {
@@ -447,7 +447,7 @@ impl World<'_> {
                 let key = self.key.get();
                 while let (taken, Some(frame)) = decoder.receive(key.as_ref(), bytes) {
                     bytes = &bytes[taken..];
-                    // With a key everything is signed, and nothing without one.
+                    // With a key everything is signed; without one, nothing.
                     let right = matches!(frame.signature, Signature::Right { .. });
                     assert!(right == key.is_some() || !self.key_is_everywhere.get(), "{frame:?}");
                     self.answer(port, &frame);
@@ -544,7 +544,7 @@ pub fn run_with(settings: NodeSettings, scenario: impl AsyncFnOnce(&World<'_>)) 
     run_signed(settings, SigningState::NONE, PortConfig::usb(), scenario);
 }
 
-/// With what was kept of the node's signing, and the ground station's port. Its sender has the key.
+/// With the kept state of the node's signing, and the ground station's port. Its sender has the key.
 pub fn run_signed(
     settings: NodeSettings,
     signing: SigningState,

@@ -1,4 +1,4 @@
-//! An AMT engine, which a node finds in its start after a reset, and which has no speed control.
+//! An AMT engine without speed control, which a node finds during its start after a reset.
 
 use crate::channels::{Channels, Pulse};
 use crate::outputs::{Before, Outputs, Valve};
@@ -103,7 +103,7 @@ fn begin(scenario: impl AsyncFnOnce(&Plug<sim::any::AnyEcu>, (WireRx, WireTx))) 
     clock::run(select(plug.run(), scenario(&plug, (rx, tx))));
 }
 
-/// The reset closes the valve, and the engine turns on, hot. Radio control is at run all the while.
+/// The reset closes the valve, and the hot engine continues to turn. Radio control is at run throughout.
 #[test]
 fn radio_control_that_takes_over_a_start_that_was_found_opens_no_valve_before_the_engine_runs() {
     begin(async |plug, halves| {
@@ -142,7 +142,8 @@ fn radio_control_that_takes_over_a_start_that_was_found_opens_no_valve_before_th
     });
 }
 
-/// A start with the stick at idle is a start with a throttle, and what follows would be refused: the engine would lose its source in mid-start.
+/// A start with the stick at idle would start with a throttle, and the shaft speed commanded next would be refused: the engine would lose its
+/// source in mid-start.
 #[test]
 fn stick_that_commands_a_shaft_speed_starts_no_engine_whose_ecu_has_no_speed_control() {
     let of = |rpm| Some(Rpm::new(rpm));

@@ -107,7 +107,7 @@ fn frames_are_found_in_any_pieces_between_others() {
         let mut input = Crsf::new();
         let mut counts = 0;
         for (i, piece) in stream.chunks(size).enumerate() {
-            // As fast as the line is.
+            // At the full rate of the line.
             let now = Instant::from_micros(1_000_000 + ((i * size + piece.len()) * 24) as u64);
             counts += all(&mut input, now, piece).len();
         }
@@ -115,11 +115,11 @@ fn frames_are_found_in_any_pieces_between_others() {
         assert_eq!((counters.frames, counters.statistics, counters.others), (30, 10, 10), "pieces of {size}");
         counted.push(counts);
     }
-    // Bytes that belong to no frame end a row: two of three frames are in rows of three.
+    // Bytes that belong to no frame end a row: two thirds of the frames are in rows of three.
     assert!(counted.iter().all(|count| *count <= 10) && counted[0] > 5, "{counted:?}");
 }
 
-/// A frame whose checksum is right, but whose payload is too short or too long, as a decoder that trusts its type would index.
+/// A frame with a correct checksum whose payload is too short or too long: a decoder that trusts its type would index beyond it.
 #[test]
 fn frames_of_another_length_are_counted_and_not_read() {
     for kind in [0x16, 0x14] {

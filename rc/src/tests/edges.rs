@@ -5,7 +5,7 @@ use crate::runner::MeasuredPulse;
 use embassy_time::{Duration, Instant};
 use std::vec::Vec;
 
-/// Takes an edge at a time in µs, which its interrupt takes `late` µs later.
+/// Takes an edge at a time in µs, handled by its interrupt `late` µs later.
 fn edge(edges: &mut Edges, place: usize, us: u64, late: u64, is_high: bool) -> Caught {
     edges.edge(Instant::from_micros(us + late), place, us as u16, is_high)
 }
@@ -38,7 +38,7 @@ fn pulse_has_its_width_and_its_period_whatever_the_counter_and_the_delay_of_the_
     }
 }
 
-/// The counter has come round: the clock has what it lost.
+/// The counter has wrapped: the clock supplies the rest.
 #[test]
 fn long_pulses_and_long_pauses_are_long() {
     let mut edges = Edges::new();
@@ -72,7 +72,7 @@ fn pulse_whose_beginning_was_not_seen_is_none_and_each_ends_once() {
     assert_eq!(edges.edge(Instant::from_secs(1), 4, 0, true), Caught::Noise, "there are four");
 }
 
-/// An input is noise for a moment, while two others have pulses without a pause: then its pulses are used again.
+/// An input is noisy for a moment, while two others have pulses without a pause: then its pulses are used again.
 #[test]
 fn input_that_rested_is_tried_again_while_others_have_pulses() {
     let mut edges = Edges::new();
@@ -87,7 +87,7 @@ fn input_that_rested_is_tried_again_while_others_have_pulses() {
                     (0..40).map(|i| edge(&mut edges, 0, at + i * 10, 0, i % 2 == 0)).collect();
                 rests = caught.contains(&Caught::Noise);
             } else if place == 0 && rests {
-                // Its interrupts rest; it is looked at with those of the others.
+                // Its interrupts rest; it is read with those of the others.
                 assert_eq!(edge(&mut edges, 0, at, 0, true), Caught::Noise);
             } else if let Caught::Pulse(pulse) = pulse(&mut edges, place, at, 1500) {
                 counted += u32::from(pulse.number == 1 && n > 10);
@@ -111,7 +111,7 @@ fn noise_takes_a_bounded_number_of_interrupts_and_pulses_at_400_hz_are_none() {
     for n in 0..1000 {
         assert_ne!(pulse(&mut edges, 0, n * 2500, 2200), Caught::Noise);
     }
-    // An edge each 10 µs, for a second.
+    // An edge every 10 µs, for 1 s.
     let (mut edges, mut taken, mut rests) = (Edges::new(), 0, false);
     for n in 0..100_000_u64 {
         let at = n * 10;

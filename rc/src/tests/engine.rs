@@ -1,4 +1,4 @@
-//! Radio control of a whole engine: what starts it, what stops it, and what never does either.
+//! Radio control of a whole engine: what starts it, what stops it, and what does neither.
 
 use super::world::*;
 use crate::outputs::Valve;
@@ -52,7 +52,7 @@ fn position_at_power_up_starts_nothing() {
     }
 }
 
-/// Beside the next two: the same moves with the receiver in sight do start.
+/// Control of the next two tests: the same moves with frames received throughout do start.
 #[test]
 fn move_from_standby_to_run_starts_only_with_the_stick_at_idle_and_steady() {
     each(async |world| {
@@ -63,7 +63,7 @@ fn move_from_standby_to_run_starts_only_with_the_stick_at_idle_and_steady() {
             world.switch(RUN).await;
             assert!(world.outcomes.borrow().iter().any(|(_, o)| *o == Outcome::NotSteady), "{stick}");
             world.pass(3.0).await;
-            // Bringing the stick to idle afterwards is no start.
+            // Bringing the stick to idle afterwards does not start it.
             world.radio.stick.set(IDLE);
             world.pass(3.0).await;
             assert_eq!((world.ignitions(), world.ordered()), (0, None), "{stick}");
@@ -85,7 +85,7 @@ fn move_from_standby_to_run_starts_only_with_the_stick_at_idle_and_steady() {
     });
 }
 
-/// Within a second behind a gap nothing is a move, however steady standby and stick were meanwhile.
+/// Within 1 s after a gap nothing counts as a move, however steady standby and stick were meanwhile.
 #[test]
 fn move_right_behind_a_gap_starts_nothing() {
     for (after, starts) in [(0.55, false), (1.1, true)] {
@@ -138,7 +138,7 @@ fn transmitter_that_is_off_is_silence() {
         world.until("full throttle", 5, || world.ordered() == Some(1000)).await;
         world.radio.on.set(false);
         let off = Instant::now();
-        // What the receiver sends in its fail-safe also has other values.
+        // The receiver's fail-safe frames also have other values.
         world.radio.switch.set(STOP);
         world.until("the first stage", 2, || world.telemetry().loss == LossStage::Hold).await;
         let after = Instant::now() - off;
@@ -152,7 +152,7 @@ fn transmitter_that_is_off_is_silence() {
     });
 }
 
-/// After a gap nothing but a held stop counts as a position.
+/// After a gap only a held stop counts as a position.
 #[test]
 fn positions_found_after_a_gap_shut_nothing_down_but_stop_does() {
     each(async |world| {
@@ -168,7 +168,7 @@ fn positions_found_after_a_gap_shut_nothing_down_but_stop_does() {
         world.switch(RUN).await;
         world.radio.stick.set(1500);
         world.until("half throttle", 5, || world.ordered() == Some(500)).await;
-        // Stop for 0.2 s behind a gap, as a receiver that starts may send it: no stop.
+        // Stop for 0.2 s after a gap, as a starting receiver may send it: no stop.
         world.radio.on.set(false);
         world.pass(1.0).await;
         world.radio.switch.set(STOP);
@@ -188,7 +188,7 @@ fn positions_found_after_a_gap_shut_nothing_down_but_stop_does() {
         world.radio.switch.set(RUN);
         world.pass(2.0).await;
         assert!(!world.telemetry().stop_latched);
-        // Held, it is one.
+        // Held, it is a stop.
         world.radio.on.set(false);
         world.pass(1.0).await;
         world.radio.switch.set(STOP);
@@ -197,7 +197,7 @@ fn positions_found_after_a_gap_shut_nothing_down_but_stop_does() {
     });
 }
 
-/// Beside a stop, which counts at once: see the next test.
+/// In contrast to a stop, which counts at once: see the next test.
 #[test]
 fn standby_counts_once_it_has_been_held_for_60_ms() {
     each(async |world| {
@@ -216,7 +216,7 @@ fn standby_counts_once_it_has_been_held_for_60_ms() {
     });
 }
 
-/// A stop is latched, and the receiver pauses: standby that is found behind the pause is no move from stop, however long it is held.
+/// A stop is latched, and the receiver pauses: a standby found after the pause is not a move from stop, however long it is held.
 #[test]
 fn standby_found_after_a_gap_releases_and_arms_nothing() {
     each(async |world| {
@@ -229,7 +229,7 @@ fn standby_found_after_a_gap_releases_and_arms_nothing() {
         world.radio.on.set(true);
         world.pass(10.0).await;
         assert!(world.telemetry().stop_latched && !world.telemetry().armed);
-        // Beside it: the move in sight does both.
+        // Control: a received move does both.
         world.switch(STOP).await;
         world.pass(1.0).await;
         world.radio.switch.set(STANDBY);
@@ -248,7 +248,7 @@ fn stop_is_latched_closes_the_valve_and_is_released_by_the_move_to_standby() {
         world.until("stop", 1, || world.telemetry().stop_latched).await;
         let (at, valve) = *world.valve.borrow().last().unwrap();
         assert_eq!(valve, Valve::Closed);
-        // The second frame with it, which is the median of three.
+        // With the second such frame it is the median of three.
         assert!(at - stop <= Duration::from_millis(45), "{:?}", at - stop);
         assert!(!world.telemetry().armed && world.outputs.borrow().power(), "the starter cools it");
         // Standby with the stick up releases nothing; nor does run.
@@ -261,7 +261,7 @@ fn stop_is_latched_closes_the_valve_and_is_released_by_the_move_to_standby() {
         world.radio.stick.set(IDLE);
         world.pass(5.0).await;
         assert!(world.telemetry().stop_latched);
-        // From run to standby is no release.
+        // Run to standby does not release.
         world.switch(STANDBY).await;
         world.pass(5.0).await;
         assert!(world.telemetry().stop_latched);
@@ -287,7 +287,7 @@ fn stop_is_latched_closes_the_valve_and_is_released_by_the_move_to_standby() {
     });
 }
 
-/// Also of an engine at rest, which nothing else keeps from being released.
+/// Also for an engine at rest, where nothing else prevents the release.
 #[test]
 fn stop_is_released_only_with_the_stick_at_idle() {
     each(async |world| {
@@ -380,7 +380,7 @@ fn stop_counts_beside_a_channel_that_cannot_be_read() {
                 world.radio.stick.set(1500);
                 world.until("half throttle", 5, || world.ordered() == Some(500)).await;
                 world.radio.stick.set(stick);
-                // Not one that comes and goes.
+                // But not an intermittent one.
                 world.radio.switch.set(STOP);
                 Timer::after_millis(250).await;
                 world.radio.switch.set(RUN);
@@ -393,7 +393,7 @@ fn stop_counts_beside_a_channel_that_cannot_be_read() {
     }
 }
 
-/// An autopilot that starts gives 881 µs on all outputs.
+/// A starting autopilot sends 881 µs on all outputs.
 #[test]
 fn outputs_that_nobody_drives_are_no_stop() {
     for kind in Kind::ALL {
@@ -409,7 +409,7 @@ fn outputs_that_nobody_drives_are_no_stop() {
     }
 }
 
-/// The same with end points so far down that 881 µs is within what is read as a throttle: the autopilot restarts in flight.
+/// The same with end points so low that 881 µs is within the range of the throttle: the autopilot restarts in flight.
 #[test]
 fn outputs_that_nobody_drives_are_no_stop_with_end_points_of_1000_us_either() {
     for (kind, reversed) in [(Kind::Sbus, false), (Kind::Crsf, false), (Kind::Pwm, false), (Kind::Sbus, true)]
@@ -424,7 +424,7 @@ fn outputs_that_nobody_drives_are_no_stop_with_end_points_of_1000_us_either() {
                 world.run_by(RUN).await;
                 world.radio.stick.set(half);
                 world.until("half throttle", 10, || world.ordered() == Some(500)).await;
-                // Two seconds of its start without frames, then as long without anybody who drives the outputs.
+                // Its start takes 2 s without frames, then 2 s with outputs that nobody drives.
                 world.radio.plugged.set(false);
                 world.pass(2.0).await;
                 world.radio.plugged.set(true);
@@ -434,7 +434,7 @@ fn outputs_that_nobody_drives_are_no_stop_with_end_points_of_1000_us_either() {
                 world.pass(2.0).await;
                 assert!(!world.telemetry().stop_latched, "{kind:?}, reversed {reversed}");
                 assert!(world.ordered().is_some_and(|throttle| throttle <= 500));
-                // A stop that a transmitter sends is one, also beside a stick that is as low as one can be.
+                // A stop sent by a transmitter counts, also beside the lowest possible stick.
                 world.radio.switch.set(STOP);
                 world.until("a stop", 1, || world.telemetry().stop_latched).await;
             })
@@ -443,8 +443,8 @@ fn outputs_that_nobody_drives_are_no_stop_with_end_points_of_1000_us_either() {
     }
 }
 
-/// 800 to 2200 µs are accepted, so an end point may be anywhere in between, also where an autopilot that starts has its outputs: then those are
-/// a stick at idle and a switch at stop, and stop the engine. docs/rc.md says from which end point on they do not.
+/// 800 to 2200 µs are accepted, so an end point may be anywhere in between, also where a starting autopilot has its outputs: then those are a
+/// stick at idle and a switch at stop, and stop the engine. docs/rc.md states from which end point on they do not.
 #[test]
 fn outputs_that_nobody_drives_are_no_stop_from_an_end_point_of_892_us_on() {
     for (low, stops) in [(800, true), (888, true), (891, true), (892, false), (900, false)] {
@@ -471,7 +471,8 @@ fn outputs_that_nobody_drives_are_no_stop_from_an_end_point_of_892_us_on() {
     }
 }
 
-/// Two receivers alternating on one line, one at full throttle: no signal, and the stages of loss. A stop of either one counts.
+/// Two receivers alternate on one line, one at full throttle: this is no signal, and the stages of loss follow. A stop from
+/// either one counts.
 #[test]
 fn two_receivers_on_one_line_are_silence_and_either_one_stops() {
     each(async |world| {
@@ -487,7 +488,7 @@ fn two_receivers_on_one_line_are_silence_and_either_one_stops() {
         let moved =
             |(_, outcome): &(Instant, Outcome)| matches!(outcome, Outcome::Commanded(Command::Run(_), _));
         assert!(!world.outcomes.borrow().iter().any(moved), "since {from}");
-        // One of them is unplugged: the stick is taken from where the demand is.
+        // One of them is unplugged: the stick takes over from the present demand.
         world.radio.second.set(None);
         world.pass(2.0).await;
         assert_eq!(world.ordered(), Some(0));
@@ -517,7 +518,7 @@ fn a_wire_of_pulses_that_breaks_is_silence() {
     }
 }
 
-/// A life of the node, and another one behind each of these resets.
+/// A life of the node, and another one after each of these resets.
 fn lives(
     kind: Kind,
     resets: &[Reset],
@@ -536,7 +537,7 @@ fn lives(
     });
 }
 
-/// A reset of the node in flight cuts a frame of the receiver; then the engine continues, whatever the switch was.
+/// A reset of the node in flight cuts off a frame of the receiver; then the engine continues, whatever the switch was.
 #[test]
 fn engine_resumes_after_a_reset_in_flight_and_the_valve_stays_open() {
     let flies = async |world: &World<'_>| {
@@ -562,7 +563,7 @@ fn engine_resumes_after_a_reset_in_flight_and_the_valve_stays_open() {
     }
 }
 
-/// The stick went up while the node was reset, or the receiver comes with full throttle some time later.
+/// The stick went up while the node was reset, or the receiver returns with full throttle some time later.
 #[test]
 fn engine_that_is_found_after_a_reset_is_taken_over_without_a_jump() {
     let flies = async |world: &World<'_>| {
@@ -607,7 +608,7 @@ fn reset_while_stopped_keeps_the_valve_closed() {
     });
 }
 
-/// ZK version 5 with a broken wire keeps running whatever is sent: the valve is what stops it.
+/// ZK version 5 with a broken wire keeps running whatever is sent: only the valve stops it.
 #[test]
 fn valve_closes_when_standby_is_not_obeyed_and_never_before() {
     each(async |world| {
@@ -627,8 +628,8 @@ fn valve_closes_when_standby_is_not_obeyed_and_never_before() {
     });
 }
 
-/// Both wires are broken, and the node itself has ordered standby, because radio control was silent. Its return with the switch at run, or
-/// at a standby that nobody has seen it move to, makes that no order of a person.
+/// Both wires are broken, and the node itself has ordered standby, because radio control was silent. If it returns with the switch at run,
+/// or at a standby without a received move, that does not become a person's order.
 #[test]
 fn radio_control_that_returns_at_run_leaves_the_nodes_own_standby_in_doubt_as_it_is() {
     for (kind, found) in [(Kind::Sbus, RUN), (Kind::Crsf, STANDBY), (Kind::Pwm, RUN)] {
@@ -643,7 +644,7 @@ fn radio_control_that_returns_at_run_leaves_the_nodes_own_standby_in_doubt_as_it
             world.pass(60.0).await;
             assert_eq!(world.commanded(), Some(Command::Present));
             assert_eq!(world.outputs.borrow().valve(), Valve::Open);
-            // Run orders nothing here either; a move to standby is what a person wants.
+            // Run orders nothing here either; a move to standby is a person's order.
             world.switch(RUN).await;
             world.pass(30.0).await;
             assert_eq!(world.outputs.borrow().valve(), Valve::Open);
@@ -675,8 +676,8 @@ fn shut_down_closes_the_valve_at_rest_and_power_ends_when_it_is_cold() {
     });
 }
 
-/// Sticks, switches and gaps at random for 15 minutes each: never a start but by the move, from
-/// standby with the stick at idle.
+/// Sticks, switches and gaps at random for 15 minutes each: only the move from standby with the stick at idle
+/// starts.
 #[test]
 fn random_pilots_never_start_but_by_the_move() {
     for seed in 0..6 {
@@ -699,7 +700,7 @@ fn random_pilots_never_start_but_by_the_move() {
                 let ordered = world.ordered();
                 if ordered.is_some() && before.1.is_none() {
                     starts += 1;
-                    // Only a frame that was accepted as a start orders it: from the stick at idle.
+                    // Only a frame accepted as a start orders it: with the stick at idle.
                     let accepted: Vec<_> = world
                         .outcomes
                         .borrow()

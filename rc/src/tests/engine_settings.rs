@@ -50,7 +50,7 @@ fn calibration_takes_the_end_points_and_is_refused_while_the_engine_turns() {
     });
 }
 
-/// A stick whose end is as low as what nobody drives is at idle there.
+/// A stick whose end point is as low as an output that nobody drives is at idle there.
 #[test]
 fn stick_whose_end_point_is_below_900_us_starts_and_throttles() {
     begin(Kind::Sbus, async |radio, plug, halves| {
@@ -67,7 +67,7 @@ fn stick_whose_end_point_is_below_900_us_starts_and_throttles() {
     });
 }
 
-/// The whole range of pulses that are accepted.
+/// The whole range of accepted pulses.
 #[test]
 fn stick_with_end_points_of_800_and_2200_us_starts_and_reaches_full_throttle() {
     begin(Kind::Pwm, async |radio, plug, halves| {
@@ -131,7 +131,7 @@ fn stick_may_command_a_shaft_speed() {
     });
 }
 
-/// The pulses of an autopilot are 5 µs longer than its outputs, and RC_RPM_MIN is a choice: neither keeps an engine from a start.
+/// The pulses of an autopilot are 5 µs longer than its outputs, and RC_RPM_MIN is a choice: neither prevents a start.
 #[test]
 fn start_by_a_stick_that_commands_a_shaft_speed_needs_the_stick_at_idle_and_no_more() {
     for (stick, low, above) in [(IDLE, 55_000, 0), (1106, 40_000, 400)] {

@@ -1,4 +1,4 @@
-//! What the tests of the decoders send and look at.
+//! What the tests of the decoders send and check.
 
 use crate::channels::{Channels, Pulse};
 use sim::receiver::steps;

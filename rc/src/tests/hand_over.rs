@@ -17,7 +17,7 @@ fn hand_over_goes_to_the_lower_source_and_back_without_a_jump_and_keeps_the_stop
         world.until("MAVLink in control", 5, || world.telemetry().active_source == Origin::Mavlink).await;
         world.until("its throttle", 10, || world.ordered() == Some(300)).await;
         assert_eq!(world.commanded(), Some(Command::Present));
-        // The stick, and the switch from run to standby, are nothing while it is handed over.
+        // The stick, and the switch from run to standby, are ignored while it is handed over.
         world.radio.stick.set(IDLE);
         world.switch(STANDBY).await;
         world.pass(5.0).await;
@@ -57,7 +57,7 @@ fn engine_that_was_handed_over_can_be_started_by_the_lower_source_only() {
     });
 }
 
-/// What the switch did while MAVLink had the engine is nothing when radio control has it again.
+/// Switch moves made while MAVLink had the engine are ignored when radio control has it again.
 #[test]
 fn switch_that_moved_while_it_was_handed_over_neither_shuts_down_nor_arms_afterwards() {
     each(async |world| {
@@ -70,11 +70,11 @@ fn switch_that_moved_while_it_was_handed_over_neither_shuts_down_nor_arms_afterw
         world.pass(5.0).await;
         assert_eq!(world.commanded(), Some(Command::Present));
         assert_eq!((world.state(), world.ordered()), (EngineState::Running, Some(300)));
-        // Beside it: a move that it sees.
+        // Control: a move that it receives.
         world.switch(RUN).await;
         world.switch(STANDBY).await;
         world.until("standby", 2, || world.telemetry().ordered.order == Order::Standby).await;
-        // Released while it was handed over, and not armed, nor later.
+        // Released while it was handed over; not armed then, nor later.
         world.lower.set(None);
         world.switch(STOP).await;
         world.pass(60.0).await;
@@ -88,7 +88,8 @@ fn switch_that_moved_while_it_was_handed_over_neither_shuts_down_nor_arms_afterw
     });
 }
 
-/// The hand-over channel is a pot on its way out, or a loose wire: whoever has the throttle, it does not jump, and the stop stays.
+/// The hand-over channel is a failing potentiometer, or a loose wire: whoever has the throttle, it does not jump, and the stop
+/// stays.
 #[test]
 fn hand_over_that_comes_and_goes_moves_the_throttle_slowly_and_keeps_the_stop() {
     each(async |world| {
@@ -118,7 +119,7 @@ fn hand_over_that_comes_and_goes_moves_the_throttle_slowly_and_keeps_the_stop() 
     });
 }
 
-/// Hand-over channel and switch are moved at once, or the hand-over channel comes and goes: the move to standby is not lost.
+/// Hand-over channel and switch are moved at once, or the hand-over channel is intermittent: the move to standby is not lost.
 #[test]
 fn shut_down_counts_beside_a_hand_over_channel_that_has_not_settled() {
     each(async |world| {
@@ -136,7 +137,7 @@ fn shut_down_counts_beside_a_hand_over_channel_that_has_not_settled() {
             world.start().await;
             world.radio.switch.set(STANDBY);
             world.pass(off).await;
-            // It is at on for 0.04 s in every 0.1 s.
+            // It is on for 0.04 s in every 0.1 s.
             for _ in 0..10 {
                 world.radio.hand_over.set(2000);
                 world.pass(0.04).await;

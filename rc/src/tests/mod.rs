@@ -1,4 +1,4 @@
-//! The inputs with every damage to their bytes; the pilot with whole engines behind it, in virtual time; the outputs.
+//! The inputs with all kinds of damage to their bytes; the pilot with whole engines, in virtual time; the outputs.
 #![allow(clippy::disallowed_methods, reason = "a scenario keeps its own time")]
 
 mod amt;

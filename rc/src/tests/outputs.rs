@@ -30,7 +30,7 @@ const PHASES: [Phase; 7] = [
 ];
 const T0: Instant = Instant::from_secs(100);
 
-/// A snapshot: order and what the ECU reports.
+/// A snapshot: the order, and the ECU's report.
 fn snapshot(order: Order, phase: Option<Phase>, rpm: Option<u32>) -> Telemetry {
     let channel = Channel::new(&CONFIG, None);
     let mut telemetry = channel.handle().telemetry();
@@ -53,7 +53,7 @@ fn outputs(valve: Valve) -> Outputs {
     Outputs::new(OutputSettings::DEFAULT, before((valve == Valve::Open).then_some(record), false))
 }
 
-/// What an update makes of a valve that was closed, and of one that was open.
+/// Effect of an update on a closed valve, and on an open one.
 fn of(telemetry: &Telemetry) -> (Valve, Valve) {
     let after = |valve| {
         let mut outputs = outputs(valve);
@@ -121,10 +121,10 @@ fn permitted_service_opens_and_a_stop_closes_it() {
     assert_eq!(of(&telemetry), OPENS);
     telemetry.stop_latched = true;
     assert_eq!(of(&telemetry), CLOSES);
-    // A test that another host has begun is none of ours.
+    // A test begun by another host is not ours.
     let service = snapshot(Order::Standby, Some(Phase::Service), Some(0));
     assert_eq!(of(&service), STAYS);
-    // But one that is ours is over for the valve when its permission is, whatever the ECU does by its own clock.
+    // But one of ours ends for the valve with its permission, whatever the ECU does on its own clock.
     let mut outputs = outputs(Valve::Closed);
     let mut ours = service;
     ours.fuel_service = true;
@@ -132,7 +132,7 @@ fn permitted_service_opens_and_a_stop_closes_it() {
     assert_eq!(outputs.valve(), Valve::Open);
     outputs.update(&service);
     assert_eq!(outputs.valve(), Valve::Closed);
-    // It is forgotten with the next order: standby in doubt, by the node itself, closes nothing at a later flight.
+    // The next order clears it: a standby of the node itself, in doubt, closes nothing in a later flight.
     outputs.update(&snapshot(RUN, Some(Phase::Running), Some(60_000)));
     assert_eq!(outputs.valve(), Valve::Open);
     let mut in_doubt = snapshot(Order::Standby, None, None);
@@ -141,7 +141,8 @@ fn permitted_service_opens_and_a_stop_closes_it() {
     assert_eq!(outputs.valve(), Valve::Open);
 }
 
-/// A reset in a start has closed it. Found again, the start gets no fuel, whoever takes it over: the engine is hot, and its flame may be out.
+/// A reset during a start has closed the valve. When the start is found again, it gets no fuel, whoever takes it over: the engine is hot, and
+/// its flame may be out.
 #[test]
 fn a_start_that_is_found_after_a_reset_gets_no_fuel_until_it_runs() {
     let standby = snapshot(Order::Standby, Some(Phase::Standby), Some(4000));
@@ -172,7 +173,7 @@ fn a_start_that_is_found_after_a_reset_gets_no_fuel_until_it_runs() {
     assert_eq!(after(&[nobodys, start, runs]), Valve::Open, "it runs");
 }
 
-/// Time in ms until an open valve is closed by this snapshot, of 20 s.
+/// Time in ms until this snapshot closes an open valve, within 20 s.
 fn closes_after(settings: OutputSettings, telemetry: &Telemetry) -> Option<u64> {
     let mut outputs = outputs(Valve::Open);
     outputs.settings = settings;
@@ -200,10 +201,10 @@ fn standby_that_is_not_followed_closes_it_and_no_other_order_does() {
     let (up, lost) = (LinkState::Up, LinkState::Lost);
     assert_eq!(after(Order::Standby, Origin::Rc, false, up), Some(5000));
     assert_eq!(after(Order::Standby, Origin::Node, false, up), Some(5000));
-    // Nothing is received: what a person ordered counts, what the node did in doubt does not.
+    // Nothing is received: a person's order counts, an order of the node in doubt does not.
     assert_eq!(after(Order::Standby, Origin::Mavlink, true, lost), Some(5000));
     assert_eq!(after(Order::Standby, Origin::Node, true, lost), None);
-    // Nor does a match that was judged before the link was lost.
+    // Nor does a match from before the link was lost.
     assert_eq!(after(Order::Standby, Origin::Node, false, lost), None);
     // Unless nothing has been received since the node started: the record of an engine that ran opened it.
     let mut silent = with(Order::Standby, Origin::Node, true, LinkState::Silent);
@@ -246,7 +247,7 @@ fn wait_begins_again_when_the_order_is_followed_for_a_moment() {
     assert_eq!(outputs.valve(), Valve::Closed);
 }
 
-/// The switch comes back as ordered, and the engine keeps running: shaft speed or exhaust show it, after 8 s.
+/// The ECU echoes the switch as ordered, and the engine keeps running: shaft speed or exhaust show it after 8 s.
 #[test]
 fn an_engine_that_does_not_slow_down_in_standby_loses_its_fuel_and_one_that_does_keeps_it_until_it_is_at_rest()
  {
@@ -273,13 +274,13 @@ fn an_engine_that_does_not_slow_down_in_standby_loses_its_fuel_and_one_that_does
     assert_eq!(of(|_| Some(60_000), |_| None), Some(8000), "by its shaft alone");
     assert_eq!(of(|_| None, |_| Some(600)), Some(8000), "by its exhaust alone");
     assert_eq!(standby(|_| Some(60_000), |_| Some(600), Origin::Node, OutputSettings::DEFAULT), Some(8000));
-    // It creeps, and the noise of its reports is no fall.
+    // It falls only slowly, and the noise of its reports is not a fall.
     assert_eq!(of(|ms| Some(60_000 - ms as u32 / 10), |ms| Some(600 + (ms / 100 % 3) as i16)), Some(8000));
     assert_eq!(standby(|_| Some(60_000), |_| None, Origin::Rc, long), Some(23_000));
     assert_eq!(standby(|_| Some(60_000), |_| None, Origin::Rc, OutputSettings { not_obeyed: None }), None);
-    // It goes down to the speed at which the starter cools it, and the exhaust keeps falling.
+    // It slows down to the speed at which the starter cools it, and the exhaust temperature keeps falling.
     let down = |ms: u64| Some(60_000_u32.saturating_sub(ms as u32 * 5).max(4000));
-    // Cold, and turned all the while.
+    // Cold, and turned throughout.
     let cooled = of(down, |ms| Some((600 - (ms / 200) as i16).max(80)));
     assert!(cooled.is_some_and(|ms| ms > 104_000), "{cooled:?}");
     assert_eq!(
@@ -304,8 +305,8 @@ fn an_engine_that_the_node_itself_stops_in_doubt_is_judged_by_its_state_alone() 
     }
 }
 
-/// The firmware failed in repeated starts: the valve of an engine that ran is closed, and no order but a new start
-/// opens it before the engine is at rest, because its flame is out.
+/// The firmware failed in repeated starts: the valve of an engine that ran is closed, and only a new start opens
+/// it before the engine is at rest, because its flame is out.
 #[test]
 fn a_valve_that_was_closed_for_failed_starts_stays_closed_until_the_engine_is_at_rest() {
     let ran = RetainedState::new(RUN, Origin::Rc).with(|state| state.ran = true);
@@ -352,7 +353,7 @@ fn a_valve_that_was_closed_for_failed_starts_stays_closed_until_the_engine_is_at
         outputs.update(&telemetry);
         assert_eq!((outputs.valve(), outputs.is_cut()), (valve, valve == Valve::Closed), "{telemetry:?}");
     }
-    // Where no valve was to be open nothing is cut.
+    // If no valve was to be open, nothing is cut.
     for record in [None, Some(RetainedState::new(Order::Standby, Origin::Rc))] {
         let outputs = Outputs::new(OutputSettings::DEFAULT, before(record, true));
         assert!(!outputs.is_cut() && outputs.valve() == Valve::Closed);
@@ -416,7 +417,7 @@ fn every_change_has_its_reason_and_nothing_else_is_a_change() {
     assert_eq!(change.to_string(), "fuel valve closed: the ECU does not obey standby");
 }
 
-/// Every record: with a whole one of an engine that runs the valve is open before anything else, otherwise closed.
+/// For every record: with an intact one of a running engine the valve is open before anything else, otherwise closed.
 #[test]
 fn after_a_reset_the_valve_is_open_only_for_an_engine_that_ran_under_an_order_to_run() {
     let after = |record: Option<RetainedState>| {
@@ -435,7 +436,7 @@ fn after_a_reset_the_valve_is_open_only_for_an_engine_that_ran_under_an_order_to
                 let valve = if continues { Valve::Open } else { Valve::Closed };
                 let power = armed || ran || order == Order::EmergencyStop;
                 assert_eq!(after(Some(record)), (valve, power), "{order}, ran {ran}");
-                // What a brown-out leaves of it.
+                // The part of it that survives a brown-out.
                 let left = record.without_start();
                 let power = ran || order == Order::EmergencyStop;
                 assert_eq!(after(Some(left)), (valve, power), "{order}, ran {ran}, brown-out");
@@ -476,7 +477,7 @@ fn power_is_on_from_armed_until_cold_and_at_rest() {
         outputs.update(&telemetry);
         assert!(outputs.power(), "{telemetry:?}");
     }
-    // After a reset that has lost what was armed it comes back while the engine starts, runs or cools, not for anything else.
+    // After a reset that lost the arming, the power returns only while the engine starts, runs or cools.
     let mut running = turning;
     running.report.phase = Some(Timed::new(Phase::Running, T0));
     egt(&mut cooling, 300);
@@ -487,7 +488,7 @@ fn power_is_on_from_armed_until_cold_and_at_rest() {
         restarted.update(&telemetry);
         assert_eq!(restarted.power(), power, "{telemetry:?}");
     }
-    // An order to run takes it, whatever the ECU reports.
+    // An order to run switches it on, whatever the ECU reports.
     for (order, power) in
         [(RUN, true), (DOUBT, true), (Order::Pwm, true), (Order::Listen, false), (Order::Standby, false)]
     {
@@ -508,7 +509,7 @@ fn power_is_on_from_armed_until_cold_and_at_rest() {
     assert!(!outputs.power());
 }
 
-/// A start may be shorter than the time between two reports: only those of afterwards say that the engine is cold.
+/// A start may be shorter than the time between two reports: only later reports show that the engine is cold.
 #[test]
 fn cold_reports_from_before_an_order_to_run_do_not_count_after_it() {
     // Ten reports a second of an engine at rest, run in one of these orders: when the power goes off, in ms.
@@ -532,7 +533,7 @@ fn cold_reports_from_before_an_order_to_run_do_not_count_after_it() {
     assert_eq!(off_after(2000), Some(5200));
 }
 
-/// The starter cools a hot turbine: what takes its power away is never given back.
+/// The starter cools a hot turbine: power once removed is never restored.
 #[test]
 fn odd_report_of_a_cold_exhaust_leaves_starter_and_ignition_their_power() {
     // Ten reports a second, in °C: when the power goes off, in ms.

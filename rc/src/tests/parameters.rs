@@ -76,7 +76,7 @@ fn calibration_of_stick_and_switch_is_refused_while_the_engine_turns() {
             ..EngineSettings::DEFAULT
         };
         assert_eq!(radio.borrow().pilots()[0].settings(), &expected);
-        // A calibration sets the end points that were seen, and nothing where it was none.
+        // A calibration sets the end points seen; an invalid one sets nothing.
         let mut now = Instant::now();
         let mut see = |pulses: [u16; 2]| {
             for pulse in pulses.into_iter().flat_map(|pulse| [pulse; 4]) {
@@ -99,7 +99,7 @@ fn calibration_of_stick_and_switch_is_refused_while_the_engine_turns() {
         assert_eq!(parameters.calibrated().map(|name| parameters.number(0, name)), [Some(1000), Some(2000)]);
         assert_eq!(parameters.calibrate(1, true), Err(Refusal::NoReceiver));
         assert_eq!(parameters.set(0, "RC_THR_MIN", 1200), Ok(()));
-        // What contradicts another one is refused, with a reason.
+        // Settings that contradict each other are refused, with a reason.
         for (name, number, why) in [
             ("RC_THR_MAX", 1400, "RC_THR_MAX has to be 300 µs above RC_THR_MIN or more"),
             ("RC_SW_RUN", 1400, "RC_SW_RUN has to be 300 µs above RC_SW_STOP or more"),
@@ -116,7 +116,7 @@ fn calibration_of_stick_and_switch_is_refused_while_the_engine_turns() {
             (parameters.set(1, "RC_THR_CH", 1), parameters.number(1, "RC_THR_CH")),
             (Err(Refusal::UnknownSetting), None)
         );
-        // It runs: none of radio control's.
+        // It runs: no setting of radio control can be changed.
         bench.command(Command::Arm).unwrap();
         let stream = async |order: Command| loop {
             let _ = bench.command(order);
@@ -226,7 +226,7 @@ fn stored_settings_are_taken_where_they_fit_together() {
     assert_eq!(apply_to(&of(1, &[("RC_THR_CH", 1)])), defaults);
     assert_eq!(apply_to(&of(0xFF, &[("RC_THR_CH", 19), ("OUT_NOT_OBEYED", 1)])), defaults);
     assert_eq!(apply_to(&good[..4]), defaults);
-    // Without a receiver its settings stay where they are.
+    // Without a receiver its settings stay unchanged.
     let mut outputs = OutputSettings::DEFAULT;
     apply(None, Some(&mut outputs), &good);
     assert_eq!(outputs.not_obeyed, Some(Duration::from_secs(9)));

@@ -58,7 +58,7 @@ fn twenty_to_400_hz_is_accepted() {
 fn spike_does_not_count_and_a_move_does() {
     let counts = play(&mut Pwm::new(), 0, &[1100, 1100, 1100, 2200, 1100, 1100, 1900, 1900], 20_000);
     assert_eq!(counts[2..], [1100, 1100, 1100, 1100, 1100, 1900].map(Some));
-    // One that is not accepted ends the row.
+    // A pulse that is not accepted ends the row.
     let counts = play(&mut Pwm::new(), 0, &[1100, 1100, 1100, 700, 1100, 1100, 1100], 20_000);
     assert_eq!(counts, [None, None, Some(1100), None, None, None, Some(1100)]);
 }

@@ -36,7 +36,7 @@ use std::future::poll_fn;
 use std::task::{Poll, Waker};
 use std::vec::Vec;
 
-/// A UART that receives: its driver keeps what was not read.
+/// A UART receiver: its driver keeps unread bytes.
 #[derive(Default)]
 struct Uart {
     bytes: RefCell<VecDeque<u8>>,
@@ -98,7 +98,7 @@ struct Receiver {
     switch: Cell<u16>,
     /// The transmitter is on.
     on: Cell<bool>,
-    /// The UART reports wrong parity with this byte of each frame.
+    /// The UART reports wrong parity for this byte of each frame.
     damages: Cell<Option<usize>>,
 }
 
@@ -242,7 +242,7 @@ fn one_receiver_starts_throttles_and_stops_two_engines_of_a_group() {
         run(crsf, async |world| {
             world.start().await;
             assert_eq!(world.ordered(), [Some(0); 2]);
-            // The second one waited, and its start needed no other move.
+            // The second one waited, and its start needed no further move.
             let waited = |engine| {
                 let outcomes = world.outcomes.borrow();
                 let waits = |(_, of, outcome): &&(Instant, usize, Outcome)| {
@@ -289,7 +289,8 @@ fn transmitter_off_is_each_stage_of_loss_for_both_engines() {
     }
 }
 
-/// The UART reports wrong parity with one byte of each frame: none counts, whichever byte it is. Without the reports all do.
+/// The UART reports wrong parity for one byte of each frame: no frame counts, whichever byte it is. Without the reports all
+/// count.
 #[test]
 fn frame_with_a_fault_of_the_uart_does_not_count() {
     for damaged in [0, 1, 12, 23, 24] {
@@ -309,7 +310,7 @@ fn frame_with_a_fault_of_the_uart_does_not_count() {
     }
 }
 
-/// What people see of a receiver: each kind of damage has its own count.
+/// Counters of a receiver for people: each kind of damage has its own.
 #[test]
 fn what_was_received_is_counted_for_people() {
     use crate::reception::{Reception, Unused};
@@ -321,7 +322,7 @@ fn what_was_received_is_counted_for_people() {
         input.receive(at, bytes);
     };
     let centred = [992; 16];
-    // The first one after a power-up is none.
+    // The first one after a power-up does not count.
     for flags in [0, 0, 0x04, 0x0C] {
         send(&mut sbus_input, &sbus(centred, flags));
     }
@@ -392,7 +393,7 @@ fn service_takes_engines_in_their_order() {
     });
 }
 
-/// A fault that is seen when the last byte of a frame is read may belong to the first byte of the next one, not read yet.
+/// A fault noticed when the last byte of a frame is read may belong to the first byte of the next one, not read yet.
 #[test]
 fn fault_damages_the_frame_that_is_read_and_the_next_one() {
     let mut service = Service::<0>::new(Input::Sbus(Sbus::new()), []);
@@ -424,7 +425,7 @@ fn a_stick_that_commands_a_shaft_speed_starts_and_moves_both_engines() {
             };
             world.until("the shaft speed", 40, || world.both(near)).await;
         }
-        // A stop forgets the speed: it is released as that of a throttle is.
+        // A stop clears the speed: it is released like the stop of a throttle.
         world.receiver.stick.set(1900);
         world.pass(5000).await;
         world.receiver.switch.set(STOP);
@@ -437,7 +438,7 @@ fn a_stick_that_commands_a_shaft_speed_starts_and_moves_both_engines() {
     });
 }
 
-/// One stick for both engines, a switch for each, of which that of the second stays at standby.
+/// One stick for both engines, a switch for each. The switch of the second stays at standby.
 #[test]
 fn a_stick_is_not_calibrated_for_one_engine_while_another_one_turns() {
     let second = EngineSettings { switch: 6, ..EngineSettings::DEFAULT };
@@ -454,7 +455,7 @@ fn a_stick_is_not_calibrated_for_one_engine_while_another_one_turns() {
         world.until("running", 240, || world.states()[0] == EngineState::Running).await;
         let turns = Some(Err(CalibrationError::EngineTurns));
         assert_eq!([calibrate(1, false), calibrate(1, true), calibrate(0, true)], [turns; 3]);
-        // The one that was under way is over: the stick that moves now is that of a running engine.
+        // The calibration in progress has ended: the stick now moves a running engine.
         for stick in [1050, 1950, 1500] {
             world.receiver.stick.set(stick);
             world.pass(500).await;
@@ -466,7 +467,7 @@ fn a_stick_is_not_calibrated_for_one_engine_while_another_one_turns() {
     });
 }
 
-/// The second engine waits for the first, and its receiver has a gap: that is the end of the wait, with the switch where it was.
+/// The second engine waits for the first, and its receiver has a gap: the wait ends, with the switch still at run.
 #[test]
 fn start_that_waits_ends_at_a_gap_of_the_receiver() {
     for gap in [false, true] {

@@ -11,7 +11,7 @@ use std::vec::Vec;
 const EVERY: u64 = 14_000;
 const BYTE: u64 = 120;
 
-/// Bytes with the time of each.
+/// Bytes, each with its time.
 type Timed = Vec<(u64, u8)>;
 
 /// Frames one after the other, each byte at its time.
@@ -27,7 +27,7 @@ fn timed(frames: impl IntoIterator<Item = Vec<u8>>) -> Timed {
     frames.into_iter().enumerate().flat_map(byte).collect()
 }
 
-/// What counts, with its time.
+/// Valid channels, with their time.
 fn play(sbus: &mut Sbus, bytes: &Timed) -> Vec<(u64, Channels)> {
     let mut counts = Vec::new();
     for &(at, byte) in bytes {
@@ -38,8 +38,8 @@ fn play(sbus: &mut Sbus, bytes: &Timed) -> Vec<(u64, Channels)> {
     counts
 }
 
-/// Known answers: frames in the tests of other public decoders (zklapow/sbus; LapochnihIvan/SBUSParser, whose frame has flags
-/// that are reserved, so only its channels are compared).
+/// Known answers: frames in the tests of other public decoders (zklapow/sbus; LapochnihIvan/SBUSParser, whose frame has
+/// reserved flags set, so only its channels are compared).
 #[test]
 fn frames_are_what_other_implementations_read() {
     let first = [
@@ -78,14 +78,14 @@ fn every_value_of_every_channel_arrives() {
 fn third_frame_after_a_pause_counts() {
     let stream = timed(std::vec![sbus(stick(1200), 0); 10]);
     let counts = play(&mut Sbus::new(), &stream);
-    // Of the first one it is not known whether the line had paused.
+    // It is unknown whether the line had paused before the first one.
     assert_eq!(counts.len(), 7);
     assert_eq!(counts[0].0, 1_000_000 + 3 * EVERY + 24 * BYTE);
     assert!(counts.iter().all(|(_, channels)| us(channels, 3) == 1200));
 }
 
-/// Every byte of a frame dropped, doubled, and with each bit flipped, in a stream at idle: nothing but idle counts, and the frames
-/// behind it count again.
+/// Each byte of a frame dropped, doubled, and with each bit flipped, in a stream at idle: only idle counts, and the frames after
+/// it count again.
 #[test]
 fn no_damage_of_one_frame_moves_a_channel() {
     let good = sbus(stick(1200), 0);
@@ -117,7 +117,7 @@ fn no_damage_of_one_frame_moves_a_channel() {
             }
         }
         assert!(counts.len() >= 6, "{} counted: {bad:02X?}", counts.len());
-        // The first frame, of which no pause is known, and this one.
+        // The first frame, without a known pause before it, and this one.
         let counters = input.counters();
         let noted = counters.bad_frames + counters.truncated + counters.bytes_skipped;
         assert!(counters.frames == 11 || noted > 25 || bad.is_empty(), "{counters:?}: {bad:02X?}");
@@ -155,7 +155,7 @@ fn pieces_of_any_size_and_a_late_task_change_nothing() {
     for size in 1..=25 {
         for late in [0, 100, 700, 3000] {
             let (mut input, mut counts) = (Sbus::new(), Vec::new());
-            // Pieces end where the frame does; each is seen `late` µs after its last byte.
+            // Pieces end with the frame; each is read `late` µs after its last byte.
             for frame in stream.chunks(25) {
                 for piece in frame.chunks(size) {
                     let now = Instant::from_micros(piece.last().unwrap().0 + late);
@@ -206,7 +206,7 @@ fn fail_safe_and_lost_frames_are_silence() {
     let (counts, counters) = flags(0x04, 8);
     assert_eq!(counts, [3, 4, 5, 6, 7, 15, 16, 17, 18, 19]);
     assert_eq!((counters.fail_safe, counters.frame_lost), (0, 5));
-    // One lost frame costs itself.
+    // One lost frame costs only itself.
     let frames = (0..12).map(|i| sbus(stick(1200), if i == 8 { 0x04 } else { 0 }));
     assert_eq!(play(&mut Sbus::new(), &timed(frames)).len(), 8);
 }
@@ -237,7 +237,7 @@ fn flood_of_frames_does_not_count() {
     play(&mut input, &timed(std::vec![frame.clone(); 4]));
     let mut counts = 0;
     for i in 0..1000 {
-        // 1000 frames in 100 ms, which carry 33.
+        // 1000 frames in 100 ms, which have time for 33.
         let (_, channels) = input.receive(Instant::from_micros(1_100_000 + i * 100), &frame);
         counts += u32::from(channels.is_some());
     }
@@ -260,7 +260,7 @@ fn ends_of_sbus_2_are_good_and_all_others_are_not() {
     }
 }
 
-/// Frames of which a task reads the first bytes in time and the rest late, with the pause behind them.
+/// A task reads the first bytes of a frame in time, and the rest late, after the pause that follows.
 #[test]
 fn rest_of_a_frame_that_is_read_late_is_no_pause() {
     for first in 1..25 {
@@ -283,7 +283,7 @@ fn rest_of_a_frame_that_is_read_late_is_no_pause() {
     }
 }
 
-/// A frame is cut, and of the next one as many bytes are read at once as it lacks: its end is none.
+/// A frame is cut off, and as many bytes of the next one are read at once as it lacks: their last byte is not an end byte.
 #[test]
 fn rest_that_a_frame_lacks_does_not_end_it_unless_it_ends_like_one() {
     for first in 1..25 {
@@ -293,7 +293,7 @@ fn rest_that_a_frame_lacks_does_not_end_it_unless_it_ends_like_one() {
         let frame = sbus(stick(1900), 0);
         let begin = 1_000_000 + 8 * EVERY;
         input.receive(Instant::from_micros(begin + first as u64 * BYTE), &frame[..first]);
-        // The next one, of which the last byte that is read is no end.
+        // The next frame, whose last byte read is not an end byte.
         let next = &frame[..25 - first];
         let (_, channels) = input.receive(Instant::from_micros(begin + EVERY), next);
         let ends = matches!(next.last(), Some(0 | 0x04 | 0x14 | 0x24 | 0x34));

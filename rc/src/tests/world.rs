@@ -89,7 +89,7 @@ pub struct Radio {
     pub second: Cell<Option<(u16, u16)>>,
 }
 
-/// Everything that a test looks at and moves.
+/// Everything that a test reads and moves.
 pub struct World<'a> {
     pub radio: &'a Radio,
     pub handle: Handle<'a>,
@@ -97,7 +97,7 @@ pub struct World<'a> {
     pub pilot: RefCell<Pilot<'a>>,
     pub outputs: RefCell<Outputs>,
     input: RefCell<Input>,
-    /// What MAVLink streams.
+    /// Command that MAVLink streams.
     pub lower: Cell<Option<Command>>,
     lower_source: Source<'a>,
     pub outcomes: RefCell<Vec<(Instant, Outcome)>>,
@@ -154,7 +154,7 @@ impl World<'_> {
         self.pass(0.7).await;
     }
 
-    /// From stop to standby: released and armed.
+    /// Moves from stop to standby: releases and arms.
     pub async fn arm(&self) {
         self.radio.stick.set(IDLE);
         self.switch(STOP).await;
@@ -162,7 +162,7 @@ impl World<'_> {
         self.standby_by(STANDBY).await;
     }
 
-    /// Moves the switch to this position, standby, and waits until the engine is armed and ready.
+    /// Moves the switch to this standby position, and waits until the engine is armed and ready.
     pub async fn standby_by(&self, position: u16) {
         self.radio.switch.set(position);
         self.until("armed", 30, || self.telemetry().armed).await;
@@ -170,20 +170,20 @@ impl World<'_> {
         self.pass(2.0).await;
     }
 
-    /// Moves the switch to this position, run, and waits until the engine runs.
+    /// Moves the switch to this run position, and waits until the engine runs.
     pub async fn run_by(&self, position: u16) {
         self.radio.switch.set(position);
         self.until("running", 120, || self.state() == EngineState::Running).await;
     }
 
-    /// Armed, started, running.
+    /// Arms and starts the engine, and waits until it runs.
     pub async fn start(&self) {
         self.arm().await;
         self.run_by(RUN).await;
         self.pass(5.0).await;
     }
 
-    /// Waits until the throttle is ordered, and looks that it never rises faster than 50 % a second.
+    /// Waits until the throttle is ordered, and checks that it never rises faster than 50 %/s.
     pub async fn rises_to(&self, throttle: u16) {
         let mut before = self.ordered().unwrap();
         let end = Instant::now() + Duration::from_secs(15);
@@ -205,7 +205,7 @@ impl World<'_> {
         }
     }
 
-    /// Sends what the receiver sends, as its line carries it.
+    /// Sends the receiver's frames, as its line carries them.
     async fn receive(&self) {
         loop {
             Timer::after(self.radio.kind.every()).await;
@@ -273,7 +273,7 @@ impl World<'_> {
                 let _ = self.lower_source.command(command);
             }
             self.follow();
-            // What an engine burns comes through an open valve.
+            // An engine burns only fuel from an open valve.
             let burns =
                 self.plug.ecu(|ecu| ecu.turbine().fuel_flow() > 0.0 && !self.telemetry().stop_latched);
             let closed = self.outputs.borrow().valve() == Valve::Closed;
@@ -294,7 +294,7 @@ pub fn each(scenario: impl AsyncFn(&World<'_>)) {
     }
 }
 
-/// Runs a scenario with one life of a node, the whole from power-up.
+/// Runs a scenario with one life of a node, from power-up.
 pub fn run(kind: Kind, scenario: impl AsyncFnOnce(&World<'_>)) {
     begin(kind, async |radio, plug, halves| {
         life(&Life { radio, plug, memory: None, settings: kind.settings() }, halves, scenario).await;

@@ -65,7 +65,7 @@ impl VendorEcu for AmtEcu {
         self.stats.host_faults()
     }
 
-    /// It sends error sets meanwhile, which report no state of its engine.
+    /// Meanwhile it sends error sets, which do not report the engine's state.
     fn report_low_supply(&mut self, low: bool) {
         self.set_errors(if low { error::SUPPLY_LOW } else { 0 });
     }

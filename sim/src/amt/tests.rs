@@ -1,4 +1,4 @@
-//! The AMT ECU alone, with a host of a few lines that is written from the same document.
+//! The AMT ECU alone, with a small host written from the same document.
 
 mod temper;
 
@@ -16,7 +16,7 @@ fn run(percent: u8) -> [u8; 5] {
     [0xFF, 0x14, throttle, 0x14, throttle]
 }
 
-/// One set as the host sees it: when it began, when it ended, its bytes.
+/// One set as the host receives it: start, end and bytes.
 type Set = (Nanos, Nanos, Vec<u8>);
 
 /// An ECU, and a host that answers each set with the same message after the same delay.
@@ -24,7 +24,7 @@ struct Bench {
     ecu: AmtEcu,
     now: Nanos,
     line: Line,
-    /// What the host answers, and how long after the end of the set it begins.
+    /// The host's answer, and the delay from the end of the set to its beginning.
     reply: Option<(Nanos, Vec<u8>)>,
     arriving: VecDeque<(Nanos, u8)>,
     sets: Vec<Set>,
@@ -299,7 +299,7 @@ fn a_silent_host_stops_the_engine_after_the_serial_delay() {
     assert_eq!(bench.ecu.stats.serial_delay_stops, 1);
     assert_eq!(bench.ecu.turbine().phase(), Phase::Cooling);
 
-    // The host is back and still commands run: that is no reason to start.
+    // The host is back and still commands run: that must not start the engine.
     bench.reply(&run(0)).wait(120_000);
     assert_eq!(bench.ecu.turbine().phase(), Phase::Standby);
     bench.reply(&AUTO).wait(1000);
@@ -346,7 +346,7 @@ fn ctf_stops_the_engine_after_the_serial_delay() {
     assert!((2000..2020).contains(&after), "{after} ms");
     assert_eq!((bench.ecu.stats.ctf_stops, bench.ecu.stats.serial_delay_stops), (1, 0));
 
-    // Called off in time.
+    // Cancelled in time.
     let mut bench = Bench::running(AmtConfig::new(EngineModel::Olympus));
     bench.reply(&CTF).wait(1000);
     bench.reply(&run(0)).wait(10_000);
@@ -508,7 +508,7 @@ fn over_the_wire_a_host_task_keeps_it_running() {
         let stats = ecu.stats;
         assert_eq!(ecu.status(), Status::FullOperation);
         assert_eq!((stats.late, stats.none, stats.unsolicited, stats.bad.total()), (0, 0, 0, 0));
-        // 30 ms - 20.833 ms, less what the tick of 1 µs takes away.
+        // 30 ms - 20.833 ms, less the rounding to the tick of 1 µs.
         assert!(stats.worst_margin.unwrap() >= 9_164_000, "{:?}", stats.worst_margin);
     });
     assert!(took.as_secs_f64() < 3.0, "600 s took {took:?}");

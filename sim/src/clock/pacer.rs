@@ -25,7 +25,7 @@ impl Pacer {
         Self { virtual_time, wall, speed }
     }
 
-    /// The sleep before virtual time may be `to`, in µs. `now` is the wall clock's time.
+    /// Sleep needed before virtual time may reach `to`, in µs. `now` is the wall clock's time.
     pub(super) fn wait(&mut self, to: u64, now: Instant) -> Duration {
         let due = self.wall + Duration::from_micros(to.saturating_sub(self.virtual_time)) / self.speed;
         if now.saturating_duration_since(due) > CATCHES_UP {
@@ -79,7 +79,7 @@ mod tests {
         assert_eq!(pacer.wait(3_000_000, start + ms(1000)), ms(100));
     }
 
-    /// The wall clock is a number here: each step takes the processor this long, and each sleep lasts longer than it was to.
+    /// The wall clock is a number here: each step takes this much processor time, and each sleep lasts longer than requested.
     #[test]
     fn sixty_times_as_fast_is_kept_where_the_work_takes_less_than_all_of_the_time() {
         const STEP: u64 = 87; // µs, a byte at 115 200 baud
@@ -96,7 +96,7 @@ mod tests {
         let second = ms(985)..ms(1015);
         assert!(second.contains(&takes(Duration::from_nanos(100), ms(0))));
         assert!(second.contains(&takes(Duration::from_nanos(1200), ms(1))), "sleeps are made up for");
-        // Where it takes more, the run is slower, and nothing is left out.
+        // If it takes more, the run is slower, and nothing is left out.
         let slow = takes(Duration::from_nanos(2900), ms(1));
         assert!(slow > ms(1990) && slow < ms(2010), "{slow:?}");
     }

@@ -1,4 +1,4 @@
-//! Events of a turbine that its ECU's reports do not show reliably, for judges that only use what really happened.
+//! Events of a turbine that its ECU's reports do not show reliably, for judges that use only true events.
 
 use crate::ecu::Nanos;
 
@@ -16,7 +16,7 @@ pub struct HotFuel {
 pub struct History {
     /// Times at which a start began: starter and igniter on.
     pub ignitions: Vec<Nanos>,
-    /// Those of them that the ECU began by itself.
+    /// Those of them that the ECU began automatically.
     pub relights: Vec<Nanos>,
     /// Times of ignition.
     pub light_offs: Vec<Nanos>,

@@ -1,4 +1,4 @@
-//! The turbine alone: that it starts, follows, cools and fails the way the ECUs expect.
+//! The turbine alone: it starts, follows, cools and fails as the ECUs expect.
 
 use super::*;
 use crate::ecu::SECOND;

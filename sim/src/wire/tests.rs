@@ -1,4 +1,4 @@
-//! The wire alone, with an ECU that only sends scripted bytes and records those that it receives.
+//! The wire alone, with an ECU that sends scripted bytes and records received ones.
 
 use super::*;
 use crate::ecu::MILLIS;
@@ -67,7 +67,7 @@ async fn read_n(rx: &mut WireRx, n: usize) -> Vec<u8> {
     bytes
 }
 
-/// What arrives in this time, ms.
+/// Bytes that arrive within `ms`.
 async fn read_for(rx: &mut WireRx, ms: u64) -> Vec<Result<u8, WireError>> {
     let mut bytes = Vec::new();
     let mut buf = [0; 64];
@@ -180,11 +180,11 @@ fn a_clean_line_changes_nothing_in_100_000_bytes() {
         tx.flush().await.unwrap();
     });
     assert!(plug.ecu(|ecu| ecu.bytes_received()) == sent);
-    // A million bits at 115 200 baud: not a microsecond gathered over 100 000 bytes.
+    // A million bits at 115 200 baud: not 1 µs of error accumulated over 100 000 bytes.
     assert_eq!(clock::now_ns().div_ceil(MILLIS), 8681);
 }
 
-/// Sends 10 000 bytes to the node over a line with these faults; what arrived, and the record.
+/// Sends 10 000 bytes to the node over a line with these faults; returns what arrived, and the record.
 fn through(faults: Faults, framing: FramingAs, seed: u64) -> (Vec<Result<u8, WireError>>, Vec<Entry>) {
     clock::reset();
     let sent: Vec<u8> = (0..10_000_u32).map(|i| i as u8).collect();
@@ -359,7 +359,7 @@ fn a_stalled_transmitter_holds_writes_and_flushes_until_it_continues() {
         plug.stall_tx(true);
         assert!(matches!(select(tx.flush(), Timer::after_secs(1)).await, Either::Second(())));
         assert_eq!(plug.ecu(|ecu| ecu.bytes_received()), [1], "the byte in the shifter goes out");
-        // The ring takes what there is room for, and no more.
+        // The ring takes only as much as it has room for.
         let full = async { while tx.write(&[9; 100]).await.is_ok() {} };
         assert!(matches!(select(full, Timer::after_secs(1)).await, Either::Second(())));
         assert_eq!(plug.ecu(|ecu| ecu.bytes_received()), [1]);

@@ -309,7 +309,7 @@ impl ControlFrame for ZkCommand {
         matches!(self, Self::Switch { .. })
     }
 
-    /// Rpm / 10 / RPM_X, which came in the last ID 6 (ZK-9).
+    /// Rpm / 10 / RPM_X, which the last ID 6 carried (ZK-9).
     fn rpm(self, scale: Option<Self>) -> Option<u32> {
         match (self, scale) {
             (Self::Rpm(code), Some(Self::Switch { factor: factor @ 1.., .. })) => {

@@ -58,7 +58,7 @@ pub struct ZkConfig {
     pub rate: Rate,
     /// The turbine behind it.
     pub turbine: Parameters,
-    /// It has no air pressure sensor and requests the pressure from the host (ZK-14).
+    /// Whether it has no air pressure sensor and requests the pressure from the host (ZK-14).
     pub esr: bool,
     /// Status IDs in the order in which they are repeated. IDs without a meaning here are sent with
     /// zeros as data.

@@ -87,7 +87,7 @@ impl Stats {
         self.frames.iter().sum()
     }
 
-    /// Those that every ECU has.
+    /// The counters that every ECU has.
     pub fn counts(&self) -> Counts {
         Counts {
             frames: self.frames_sent(),
@@ -99,7 +99,7 @@ impl Stats {
         }
     }
 
-    /// What a host that keeps to the protocol never causes, in sentences.
+    /// Faults that a host following the protocol never causes, in sentences.
     pub fn host_faults(&self) -> Vec<&'static str> {
         let found = [
             (self.reserved_bits > 0, "it received reserved bits other than 0"),

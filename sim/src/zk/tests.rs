@@ -1,4 +1,4 @@
-//! The ZK ECU alone, with a host of a few lines that is written from the same document.
+//! The ZK ECU alone, with a small host written from the same document.
 
 mod temper;
 
@@ -41,7 +41,7 @@ struct Bench {
     turn: usize,
     next_send: Nanos,
     arriving: VecDeque<(Nanos, u8)>,
-    /// When each status frame began, and its bytes.
+    /// Start and bytes of each status frame.
     seen: Vec<(Nanos, [u8; 7])>,
 }
 
@@ -66,7 +66,7 @@ impl Bench {
         bench
     }
 
-    /// Sends these in turn from now on, one every 50 ms; nothing when empty.
+    /// Sends these frames in turn from now on, one every 50 ms; nothing when empty.
     fn host(&mut self, frames: &[[u8; 4]]) -> &mut Self {
         self.host = frames.to_vec();
         self.turn = 0;
@@ -314,7 +314,7 @@ fn up_to_version_4_silence_is_error_13_and_standby() {
         assert_eq!(bench.ecu.turbine().phase(), Phase::Cooling);
         assert_eq!((bench.ecu.error(), bench.ecu.stats.control_losses), (error::CONTROL_LOST, 1));
 
-        // The host is back and still commands run: that is no reason to start.
+        // The host is back and still commands run: that must not start the engine.
         bench.host(&[control(3, 0)]).wait(120_000);
         assert_eq!(bench.error_and_switch(), (13, 1));
         assert_eq!(bench.ecu.turbine().phase(), Phase::Standby);
@@ -560,7 +560,7 @@ fn the_times_between_commands_are_measured() {
     let intervals = bench.ecu.stats.intervals;
     assert_eq!(intervals.count, bench.ecu.stats.accepted - 1);
     assert_eq!(intervals.min, Some(50 * MILLIS));
-    // The 21st frame goes out at the very end of the second, then nothing for 300 ms.
+    // The 21st frame is sent at the very end of the second, then nothing for 300 ms.
     assert_eq!(intervals.max, Some(300 * MILLIS));
     assert_eq!(now, 2 * SECOND);
 }

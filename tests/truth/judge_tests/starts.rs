@@ -572,7 +572,7 @@ fn a_first_set_that_is_stale_is_answered_while_the_shaft_turns() {
     story(10_000.0, &reset).breaks(&[Rule::RunAtRest]);
     story(15_000.0, &cut).passes();
     story(10_000.0, &cut).breaks(&[Rule::RunAtRest]);
-    // One that was received is believed.
+    // One that was received counts.
     story(15_000.0, &|_| ()).breaks(&[Rule::RunAtRest]);
 }
 

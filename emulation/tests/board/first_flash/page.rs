@@ -19,7 +19,7 @@ pub type Place = (u8, &'static str, &'static str);
 struct Cell<'a> {
     /// Counted from 0.
     line: usize,
-    /// Which of the line's cells, counted from 0.
+    /// Cell of the line, counted from 0.
     number: usize,
     section: u8,
     chip: &'static str,
@@ -49,7 +49,7 @@ fn values(page: &str) -> Vec<Cell<'_>> {
         if columns.is_empty() {
             let place = |chip| cells.iter().position(|cell| *cell == chip).map(|at| (at, chip));
             columns = CHIPS.into_iter().filter_map(place).collect();
-            // Of a table without values the other rows are none either.
+            // The other rows of a table without values have no values either.
             if columns.is_empty() {
                 columns.push((usize::MAX, ""));
             }
@@ -67,8 +67,8 @@ fn values(page: &str) -> Vec<Cell<'_>> {
     found
 }
 
-/// What is wrong with the page, by what was measured: a line for each cell that says something else, each that says
-/// something that was not measured, and each measurement without a cell.
+/// Differences between page and measurements: a line for each cell with another value, each cell without a
+/// measurement, and each measurement without a cell.
 pub fn complaints(page: &str, measured: &BTreeMap<Place, String>) -> Vec<String> {
     let cells = values(page);
     let mut complaints = Vec::new();
@@ -96,7 +96,7 @@ pub fn complaints(page: &str, measured: &BTreeMap<Place, String>) -> Vec<String>
     complaints
 }
 
-/// The page with what was measured in its cells.
+/// The page with the measurements in its cells.
 pub fn renewed(page: &str, measured: &BTreeMap<Place, String>) -> String {
     let mut lines: Vec<String> = page.lines().map(str::to_string).collect();
     for (place, found) in measured {
@@ -123,8 +123,8 @@ fn of<'a, 'b>(cells: &'b [Cell<'a>], place: &Place) -> Vec<&'b Cell<'a>> {
 /// Tolerance of a number: a share of it, plus a number of its units. Beyond it a person has to look.
 type Tolerance = (f64, f64);
 
-/// The unit of a number: in what it is compared, and how closely. Times of less than a millisecond are counts of
-/// instructions, which every build moves.
+/// The unit of a number: the unit and the tolerance of its comparison. Times of less than a millisecond are
+/// counts of instructions, which every build moves.
 fn unit(word: &str, number: f64) -> Option<(f64, &'static str, Tolerance)> {
     let time = |ns: f64| (ns, "ns", if number * ns < 1e6 { (0.25, 0.0) } else { (0.1, 0.0) });
     Some(match word {
@@ -140,7 +140,8 @@ fn unit(word: &str, number: f64) -> Option<(f64, &'static str, Tolerance)> {
     })
 }
 
-/// Whether a cell says what was measured: word for word, but numbers with a unit within that unit's tolerance.
+/// Whether a cell agrees with the measurement: word for word, except that numbers with a unit may differ within that unit's
+/// tolerance.
 fn agrees(cell: &str, found: &str) -> bool {
     let words = |text: &str| -> Vec<String> {
         let spaced = text.replace(',', " ,").replace(';', " ;").replace('`', " ` ");

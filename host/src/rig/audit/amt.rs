@@ -33,7 +33,7 @@ impl vendor::Judge for Judge {
     fn allows(&self, command: AmtCommand, order: Order, rise: &Rise) -> bool {
         let throttle = tenths(command);
         match (command.ops, order) {
-            // An ECU that was just powered up obeys auto stop: that is what it is sent while the node listens.
+            // An ECU that was just powered up obeys auto stop: it is sent the same while the node listens.
             (Ops::EmergencyStop, Order::EmergencyStop) | (Ops::AutoStop, Order::Standby | Order::Listen) => {
                 throttle == 0
             }

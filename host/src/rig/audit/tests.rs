@@ -133,7 +133,7 @@ impl MapFate for Vec<Entry> {
 
 #[test]
 fn the_cadence_is_that_of_the_turns() {
-    // What is sent before its slot leaves the slots where they are.
+    // A frame sent before its slot does not shift the slots.
     let mut ahead = audit(3);
     ahead.look(&entries(0, &zk(0x60, 0x13)));
     ahead.look(&entries(MILLIS / 2, &zk(0x74, 0xE2))); // the speed, right behind its switch
@@ -200,7 +200,7 @@ fn a_demand_rises_at_its_rate_and_after_a_gap_only() {
         let back = 20 * SECOND + if gap { 375 } else { 125 } * MILLIS;
         let last = amt_run(120);
         if gap {
-            // The reply comes late, as far as the order goes.
+            // The reply comes late relative to the order.
             audit.look(&from_ecu(back, Fate::Delivered));
             audit.look(&entries(back + 10 * MILLIS, &last));
         }
@@ -251,7 +251,7 @@ fn a_run_is_cancelled_only_where_the_engine_has_stopped_or_fell_silent_in_its_st
         audit.cancelled(now + 2 * SECOND, phase);
         assert_eq!(audit.not_given == 0, allowed, "{phase:?}: {:?}", audit.findings);
     }
-    // What has stopped a moment ago, and is lit again.
+    // An engine that stopped a moment ago and is lit again.
     let mut relit = in_flight();
     relit.see_engine(now, Phase::Cooling);
     relit.cancelled(now + SECOND, Phase::Ignition);
@@ -282,7 +282,7 @@ fn an_engine_is_known_to_run_when_its_ecu_has_reported_it() {
         audit.see_engine(at + 10 * MILLIS, Phase::Running);
     }
     assert!(audit.is_known_to_run());
-    // A gap changes nothing about that, and a stop does.
+    // A gap does not change that; a stop does.
     audit.see_engine(40 * SECOND, Phase::Running);
     assert!(audit.is_known_to_run());
     audit.see_engine(41 * SECOND, Phase::Cooling);
@@ -297,7 +297,7 @@ fn an_order_is_given_up_only_where_the_ecu_fell_silent() {
     let mut silent = in_flight();
     silent.given_up(24 * SECOND);
     assert_eq!(silent.not_given, 0);
-    // Nothing reports it at rest: standby is not for the node to order.
+    // Nothing reports it at rest: the node must not order standby.
     silent.look(&entries(24 * SECOND + 100 * MILLIS, &[0xFF, 0x12, 0x20, 0x12, 0x20]));
     assert_eq!(silent.not_given, 1);
 }

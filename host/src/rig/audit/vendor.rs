@@ -1,10 +1,10 @@
-//! What the audit asks of a protocol. Each has a file beside this one, with a [`Judge`] of its commands.
+//! What the audit requires of a protocol. Each has a file beside this one, with a [`Judge`] of its commands.
 
 use super::super::engines::Engine;
 use jetlink::command::Order;
 use sim::ecu::{MILLIS, Nanos, SECOND};
 
-/// Where nothing else is configured a demand rises at this rate, in per mille of the maximum per second.
+/// Default rate at which a demand rises, in per mille of the maximum per second.
 const RISE: u64 = 500;
 /// Longest time from the computation of a demand to its frame on the wire.
 const COMPUTED_BEFORE: Nanos = 25 * MILLIS;
@@ -56,9 +56,9 @@ pub struct Rise {
     pub last: Option<Level>,
     /// It may still be on its way up, until then.
     pub until: Option<Nanos>,
-    /// The ECU was not received since: the way begins with what it obeys, which may be less.
+    /// The ECU was not received since: the rise begins at the demand that it obeys, which may be lower.
     pub from_less: bool,
-    /// The last one is of the other kind: the way begins with what the ECU makes of it.
+    /// The last one is of the other kind: the rise begins at what the ECU makes of it.
     pub of_other_kind: bool,
 }
 
@@ -84,7 +84,7 @@ pub trait Judge {
     /// A command of the protocol.
     type Command;
 
-    /// For the commands to this engine.
+    /// A judge of the commands to this engine.
     fn new(engine: &Engine) -> Self;
 
     /// The command in the terms of any protocol.
@@ -93,7 +93,7 @@ pub trait Judge {
     /// Whether this order allows it.
     fn allows(&self, command: Self::Command, order: Order, rise: &Rise) -> bool;
 
-    /// Whether the next frame may follow right behind it, before its own send slot.
+    /// Whether the next frame may follow directly after it, before its own send slot.
     fn shares_slot(&self, command: Self::Command) -> bool;
 
     /// Step of the speeds that the protocol can command, in rpm.

@@ -65,7 +65,7 @@ impl vendor::Judge for Judge {
             Order::Standby => Sw::Standby,
             Order::Run(_) => Sw::Run,
             Order::Pwm => Sw::None,
-            // Nothing but ID 0, until the ECU has reported what its engine does; in mode 3 the rpm as well.
+            // Only ID 0 until the ECU has reported its engine's state; in mode 3 the rpm as well.
             Order::Listen => return command == ZkCommand::Empty,
             Order::Doubt(_) => return matches!(command, ZkCommand::Empty | ZkCommand::Rpm(_)),
         };
@@ -93,7 +93,7 @@ impl vendor::Judge for Judge {
         }
     }
 
-    /// The speed, or the throttle, comes right behind the switch when the way of commanding changes.
+    /// The speed, or the throttle, comes directly after the switch when the mode changes.
     fn shares_slot(&self, command: ZkCommand) -> bool {
         matches!(command, ZkCommand::Switch { .. })
     }

@@ -15,7 +15,7 @@ pub const COMMON: [&str; 4] = ["name", "ecu", "baud", "stop"];
 pub struct Description<'a>(Vec<(&'a str, &'a str)>);
 
 impl<'a> Description<'a> {
-    /// Reads it. `keys`: all that there are beside the common ones.
+    /// Reads it. `keys`: all keys besides the common ones.
     pub fn read(text: &'a str, keys: &[&str]) -> Result<Self, String> {
         let mut all = Self(Vec::new());
         for part in text.split(',') {
@@ -73,7 +73,7 @@ pub trait Described: Copy {
     /// Keys of its own.
     const KEYS: &'static [&'static str];
 
-    /// Reads its keys: what the node gets, and what is simulated.
+    /// Reads its keys: the node's configuration, and the simulated ECU.
     fn read(
         name: &'static str,
         port: u8,
@@ -89,7 +89,7 @@ pub trait Described: Copy {
     /// How long without commands it runs an engine; `None`: forever.
     fn stops_without_commands(self) -> Option<Nanos>;
 
-    /// Interval of the node's send slots; `None` where it only replies to frames of its ECU.
+    /// Interval of the node's send slots; `None` if it only replies to frames of its ECU.
     fn cadence(self) -> Option<Nanos>;
 
     /// Interval between two frames of the ECU.

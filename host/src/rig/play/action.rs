@@ -1,8 +1,8 @@
-//! What can be done in a run, and how it is written in a script file: an engine's name, or `all`, and words.
+//! Actions in a run, and their form in a script file: an engine's name, or `all`, and words.
 
 use super::super::engines::{ALL, Engine};
 
-/// What is done to an engine.
+/// An action on an engine.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Act {
     /// Arm it.
@@ -38,7 +38,7 @@ pub enum Fault {
     CutToEcu,
     /// The wire from the ECU to the node is cut.
     CutToNode,
-    /// One byte in twelve suffers on the line.
+    /// About one byte in twelve is damaged on the line.
     Noise,
     /// The ECU has no power.
     Power,
@@ -132,7 +132,7 @@ impl Act {
         }
     }
 
-    /// What a line of a script file says.
+    /// Parses a line of a script file.
     pub fn parse(text: &str) -> Result<Self, String> {
         let mut words = text.split_whitespace();
         let unknown = || format!("`{text}` is not a valid action");
@@ -184,7 +184,7 @@ impl Action {
         format!("{name} {}", self.act.text())
     }
 
-    /// What a line of a script file says.
+    /// Parses a line of a script file.
     pub fn parse(text: &str, engines: &[Engine]) -> Result<Self, String> {
         let (name, act) = text.split_once(char::is_whitespace).unwrap_or((text, ""));
         let engine = match name {
@@ -209,11 +209,11 @@ impl Action {
 pub enum Wish {
     /// This.
     Act(Act),
-    /// So much more or less of what is commanded, in tenths of a percent of the way from idle to maximum.
+    /// Changes the commanded demand by this much, in tenths of a percent of the range from idle to maximum.
     Step(i16),
     /// The hand-over switch of the transmitter, to its other position.
     HandOver,
-    /// This fault begins if it is not there, and ends if it is.
+    /// This fault begins if it is not present, and otherwise ends.
     Toggle(Fault),
 }
 

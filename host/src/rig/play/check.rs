@@ -1,4 +1,4 @@
-//! Whether each fault of a script file can act: one that cannot is a mistake, as with `--faults`.
+//! Whether each fault of a script file can act: a fault that cannot act is a mistake, as with `--faults`.
 
 use super::super::disturbances::{By, Disturbances};
 use super::super::engines::Engine;
@@ -7,7 +7,7 @@ use super::super::quantity::seconds;
 use super::action::{Act, Action, Fault};
 use embassy_time::{Duration, Instant};
 
-/// What the actions are done to.
+/// The run in which the actions take place.
 #[derive(Clone, Copy, Debug)]
 pub struct Played<'a> {
     /// When the pilots fly.
@@ -20,7 +20,7 @@ pub struct Played<'a> {
     pub has_end: bool,
 }
 
-/// Whether each of them can act.
+/// Checks that each of them can act.
 pub fn check(actions: &[(Instant, Action)], played: &Played<'_>) -> Result<(), String> {
     let mut lasting = vec![Disturbances::default(); played.engines.len()];
     for &(at, action) in actions {
@@ -49,7 +49,7 @@ pub fn check(actions: &[(Instant, Action)], played: &Played<'_>) -> Result<(), S
         }
         if fault == Fault::FlameOut {
             let is_out = |engine: &usize| {
-                // When a script restarts is unknown.
+                // It is unknown when a script restarts.
                 let flown = !acts(actions, *engine).any(|other| other < at);
                 let config = played.engines.get(*engine)?;
                 played.plan.burns(*engine, config, at - Instant::MIN).err().filter(|_| flown)

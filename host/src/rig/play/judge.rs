@@ -1,6 +1,5 @@
-//! Judges a played run by what no pilot can cause, whatever is done: ignitions that nobody commanded, emergency stops that
-//! are late on the wire, reply windows that are missed outside of the faults that somebody has caused. Frames that nothing
-//! allows are the audit's.
+//! Judges a played run by events that no pilot can cause: uncommanded ignitions, emergency stops that are late on the
+//! wire, reply windows missed outside deliberate faults. The audit finds frames that no order allows.
 
 use super::super::audit::{Audit, WireCommand};
 use embassy_time::Instant;
@@ -12,7 +11,7 @@ const STOP_ON_WIRE: Nanos = 175 * MILLIS;
 /// Longest time from a commanded run to its ignition: a start that waits for another engine.
 const IGNITES_WITHIN: Nanos = 2 * SECOND;
 
-/// What was found of one engine.
+/// Findings about one engine.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Verdict {
     /// Ignitions while nobody commanded run.
@@ -30,12 +29,12 @@ pub struct Judge {
     ignitions: usize,
     /// When run was last in force.
     run_at: Option<Nanos>,
-    /// Since when an emergency stop is not on the wire yet, and when it is late.
+    /// Time of an emergency stop that is not on the wire yet, and when it is late.
     stop_since: Option<(Nanos, Nanos)>,
     missed: u64,
 }
 
-/// What it looks at.
+/// Input of the judge.
 #[derive(Debug)]
 pub struct Seen<'a> {
     /// When.
@@ -46,7 +45,7 @@ pub struct Seen<'a> {
     pub explained: bool,
     /// The link is up.
     pub link_up: bool,
-    /// What the ECU has counted.
+    /// Counters of the ECU.
     pub counts: Counts,
     /// Instants at which the simulated engine began a start.
     pub ignitions: &'a [Nanos],
@@ -62,28 +61,28 @@ impl Judge {
         }
     }
 
-    /// What would stop it has ended before it had lasted for this time: it may not have reached the node.
+    /// The stop ended before it had lasted for this time: it may not have reached the node.
     pub fn stop_ends(&mut self, at: Nanos, within: Nanos) {
         self.stop_since = self.stop_since.filter(|&(since, _)| at >= since + within);
     }
 
-    /// A stop is released: whatever was not on the wire in time by then was late.
+    /// A stop is released: if it was not on the wire in time by then, it was late.
     pub fn stop_released(&mut self, at: Nanos) {
         self.stop_since = self.stop_since.filter(|&(_, until)| at > until);
     }
 
-    /// What was found.
+    /// The findings.
     pub const fn verdict(&self) -> Verdict {
         self.verdict
     }
 
-    /// Looks once more, ten times a second.
+    /// Judges the present state; called ten times a second.
     pub fn look(&mut self, seen: &Seen<'_>) {
         let now = (seen.at - Instant::MIN).as_micros() * 1000;
         if seen.commands_run {
             self.run_at = Some(now);
         }
-        // Between two looks it may have begun and ended.
+        // It may have begun and ended between two calls.
         self.run_at = self.run_at.max(seen.audit.start_ordered_at());
         for &ignition in seen.ignitions.iter().skip(self.ignitions) {
             let commanded = self.run_at.is_some_and(|at| at + IGNITES_WITHIN >= ignition);

@@ -1,5 +1,5 @@
-//! Plays: does what keys or a script file request, keeps it with its engine time, and commands as the source of each engine
-//! that was taken from its script. With a transmitter it moves stick and switch instead.
+//! The player: carries out the requests of keys or a script file, keeps them with their engine time, and commands as the
+//! source of each engine taken from its script. With a transmitter it moves stick and switch instead.
 
 use super::super::context::{EngineContext, Notes, PilotInput, Stage};
 use super::super::disturbances::By;
@@ -22,9 +22,9 @@ use std::task::Poll;
 
 /// Between two commands; the source timeout of a bench is 0.5 s.
 const TICK: Duration = Duration::from_millis(100);
-/// What a watchdog takes to bite, and the node to start.
+/// Time for the watchdog to bite and the node to start.
 const RESET: Reset = Reset { away: Duration::from_millis(1050), cause: Cause::Watchdog };
-/// From a move of the switch to the second frame with it, which takes effect.
+/// Time from a move of the switch to the second frame with it, which takes effect.
 const STOP_BY_SWITCH: Nanos = 45 * MILLIS;
 /// The whole way from idle to maximum, in tenths of a percent.
 const WHOLE: u32 = 1000;
@@ -32,14 +32,14 @@ const WHOLE: u32 = 1000;
 /// Without a hand-over channel.
 const NO_HAND_OVER: &str = "there is no hand-over switch: --rc sbus,hand=7";
 
-/// What is known of one engine beyond its context.
+/// The player's state of one engine, beyond its context.
 #[derive(Debug, Default)]
 struct Hand {
     /// Faults that last.
     faults: RefCell<Vec<Fault>>,
     /// An emergency stop that the node has not taken yet.
     stop: Cell<bool>,
-    /// It is to restart its script.
+    /// It should restart its script.
     restart: Cell<bool>,
     /// Something was done to it.
     touched: Cell<bool>,
@@ -53,9 +53,9 @@ pub struct Player<'a> {
     contexts: &'a [EngineContext<'a>],
     plugs: &'a [Plug<AnyEcu>],
     notes: &'a Notes,
-    /// Moved by what commands an engine otherwise.
+    /// The transmitter, if acts move it instead of commanding engines.
     transmitter: Option<&'a Transmitter>,
-    /// A scenario flies, up to an emergency stop.
+    /// A scenario flies until an emergency stop.
     scenario: bool,
     hands: Vec<Hand>,
     kept: RefCell<Vec<(Instant, Action)>>,
@@ -85,18 +85,18 @@ impl<'a> Player<'a> {
         !self.kept.borrow().is_empty()
     }
 
-    /// What was found of an engine that something was done to.
+    /// Verdict on an engine that was played.
     pub fn verdict(&self, engine: usize) -> Option<Verdict> {
         let hand = self.hands.get(engine)?;
         hand.touched.get().then(|| hand.judge.borrow().verdict())
     }
 
-    /// Whether a fault of the line, the ECU or the node was set on this engine by hand.
+    /// Faults that were set on this engine by hand and last.
     pub fn faults(&self, engine: usize) -> Vec<Fault> {
         self.hands.get(engine).map(|hand| hand.faults.borrow().clone()).unwrap_or_default()
     }
 
-    /// Does what is wished for. `None`: for all engines.
+    /// Carries out a request. `None`: for all engines.
     pub fn wish(&self, engine: Option<usize>, wish: Wish) {
         if let (Some(transmitter), Wish::Step(by)) = (self.transmitter, wish) {
             let stick = i32::from(transmitter.stick.get()) + i32::from(by);
@@ -120,7 +120,7 @@ impl<'a> Player<'a> {
         }
     }
 
-    /// Does this, and keeps it.
+    /// Carries out an act, and keeps it.
     pub fn act(&self, engine: Option<usize>, act: Act) {
         self.kept.borrow_mut().push((Instant::now(), Action { engine, act }));
         if act == Act::Fault(Fault::Reset, true) {
@@ -140,7 +140,7 @@ impl<'a> Player<'a> {
         }
     }
 
-    /// Moves the transmitter, which commands all engines. False: this is none of its acts.
+    /// Moves the transmitter, which commands all engines. False: the act is not one of a transmitter.
     fn moves(&self, transmitter: &Transmitter, act: Act) -> bool {
         let to = |position: Position| {
             transmitter.switch.set(position);
@@ -247,7 +247,7 @@ impl<'a> Player<'a> {
         match act {
             Act::Arm => self.command(engine, Command::Arm),
             Act::Disarm => {
-                // It ends a start, whether the ECU follows it or not, and no run.
+                // It ends a start, whether the ECU follows it or not, but not a run.
                 if !context.audit.borrow().is_known_to_run() {
                     context.standby_commanded(clock::now_ns(), Origin::Bench);
                 }
@@ -301,7 +301,7 @@ impl<'a> Player<'a> {
         }
     }
 
-    /// An emergency stop that is wanted: once more. Whether it was.
+    /// Repeats a pending emergency stop. Returns whether there was one.
     fn stop_again(&self, engine: usize) -> bool {
         let Some(hand) = self.hands.get(engine).filter(|hand| hand.stop.get()) else { return false };
         let answer = self.order(engine, Command::EmergencyStop, Order::EmergencyStop);
@@ -381,7 +381,7 @@ impl<'a> Player<'a> {
         if begins {
             faults.push(fault);
         }
-        // A silent source is no reason to miss a window.
+        // A silent source does not excuse a missed window.
         if fault != Fault::Silence {
             context.disturb(plug, By::Hand, fault, begins);
         }
@@ -395,13 +395,13 @@ impl<'a> Player<'a> {
             self.command_again(engine);
             ticker.next().await;
         }
-        // What comes next restarts on its own.
+        // The next step restarts without this.
         if let Some(hand) = self.hands.get(engine) {
             hand.restart.set(false);
         }
     }
 
-    /// Until this engine is taken from its script, or is to restart it.
+    /// Waits until this engine is taken from its script, or should restart it.
     pub async fn taken(&self, engine: usize) {
         // Whoever takes it shares a task with whoever waits.
         poll_fn(|_| match (self.contexts.get(engine), self.hands.get(engine)) {
@@ -436,7 +436,7 @@ impl<'a> Player<'a> {
                 | Rejected::StopLatched))
         );
         if refused && matches!(input, PilotInput::Run(_)) {
-            // The event gives the reason. To try again takes another key.
+            // The event gives the reason. Another attempt takes another key.
             context.input.set(PilotInput::Standby);
         }
     }
@@ -461,7 +461,7 @@ impl<'a> Player<'a> {
         if self.scenario { !context.stopped.get() } else { matches!(context.input.get(), PilotInput::Run(_)) }
     }
 
-    /// Looks at all engines, ten times a second.
+    /// Checks all engines, ten times a second.
     pub fn look(&self) {
         for (i, ((context, plug), hand)) in self.contexts.iter().zip(self.plugs).zip(&self.hands).enumerate()
         {
@@ -471,7 +471,7 @@ impl<'a> Player<'a> {
             if self.transmitter.is_some_and(|transmitter| transmitter.hands_over.get())
                 && let PilotInput::Run(demand) = context.input.get()
             {
-                // Down to idle, or what the lower source commands.
+                // Down to idle, or to the lower source's command.
                 context.audit.borrow_mut().may_be_up_to(clock::now_ns(), Some(demand));
             }
             let (counts, ignitions) =

@@ -1,4 +1,4 @@
-//! A script file: what a played run was, a line for each action, to be played again with the same bytes on every wire.
+//! A script file: the actions of a played run, one per line, to be replayed with the same bytes on every wire.
 //!
 //! ```text
 //! jetlink rig script, version 0.1.0
@@ -14,7 +14,7 @@ use embassy_time::{Duration, Instant};
 
 const HEAD: &str = "jetlink rig script, version ";
 
-/// What a run is made of besides what is done in it: as on the command line.
+/// Options of a run besides its actions: as on the command line.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Header {
     /// `--seed`.
@@ -31,11 +31,11 @@ pub struct Header {
     pub rc: Option<String>,
     /// `--valves`.
     pub valves: bool,
-    /// The source of the first engine falls silent for a while when all engines run: what the rig shows without options.
+    /// The source of the first engine falls silent for a while when all engines run: the rig's demonstration without options.
     pub silence: bool,
 }
 
-/// Where no seed is given.
+/// Default seed.
 pub const USUAL_SEED: u64 = 1;
 
 impl Default for Header {
@@ -56,7 +56,7 @@ impl Default for Header {
 /// A script file before its actions are read: these need the engines.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Script {
-    /// What the run is made of.
+    /// Options of the run.
     pub header: Header,
     /// Time, line number and text of each action.
     actions: Vec<(Duration, usize, String)>,
@@ -130,14 +130,14 @@ impl Script {
         Ok(script)
     }
 
-    /// What to say where another version wrote it.
+    /// Notice if another version wrote it.
     pub fn of_another_version(&self) -> Option<String> {
         let own = env!("CARGO_PKG_VERSION");
         (self.version != own)
             .then(|| format!("written by version {}, played by {own}: the run may differ", self.version))
     }
 
-    /// Its actions on these engines. They have to leave the run an end.
+    /// Its actions on these engines. The run has to end with them.
     pub fn actions(&self, engines: &[Engine]) -> Result<Vec<(Instant, Action)>, String> {
         let read = |(at, number, text): &(Duration, usize, String)| {
             let action =
@@ -145,7 +145,8 @@ impl Script {
             Ok((Instant::MIN + *at, action))
         };
         let actions = self.actions.iter().map(read).collect::<Result<Vec<(Instant, Action)>, String>>()?;
-        // An engine that was taken from its own script, and not given back, flies on. It cannot be while its stop is latched.
+        // An engine that was taken from its own script, and not given back, flies on. It cannot be given back while its stop is
+        // latched.
         let is_played = |engine: usize| {
             let of_it = actions.iter().map(|(_, action)| action);
             let of_it = of_it.filter(|action| action.engine.is_none_or(|of| of == engine));
@@ -212,7 +213,7 @@ pub fn text(
     text
 }
 
-/// To the microsecond, without zeros that say nothing.
+/// To the microsecond, without trailing zeros.
 fn time(at: Instant) -> String {
     let micros = (at - Instant::MIN).as_micros();
     let text = format!("{}.{:06}", micros / 1_000_000, micros % 1_000_000);

@@ -1,5 +1,5 @@
-//! Where the names of what happened are placed: in lines of text above the curves, so that no name covers another one or is
-//! crossed by the line below a name.
+//! Placement of the events' names: in lines of text above the curves, so that no name covers another one or is crossed by
+//! the line below a name.
 
 use super::super::chronicle::Happening;
 use super::font::width;
@@ -45,7 +45,7 @@ impl Mark {
     }
 }
 
-/// All that is within the picture.
+/// All events within the picture.
 pub fn marks(happened: &[Happening], time: &Scale, sides: (f64, f64)) -> Vec<Mark> {
     let seen = happened.iter().filter_map(|happening| {
         let x = time.at(happening.t);
@@ -57,7 +57,7 @@ pub fn marks(happened: &[Happening], time: &Scale, sides: (f64, f64)) -> Vec<Mar
         })
     });
     let mut marks: Vec<Mark> = seen.collect();
-    // Those that have only the place at their left come first, from the last one on: each is above those before it.
+    // Names that fit only at the left come first, from the last one on: each is above the earlier ones.
     let (forced, free): (Vec<usize>, Vec<usize>) =
         (0..marks.len()).partition(|&i| marks.get(i).is_some_and(|mark| mark.span().1 > sides.1));
     for (i, at_right) in

@@ -9,19 +9,19 @@ pub struct Palette {
     pub ground: &'static str,
     /// Text and axes.
     pub ink: &'static str,
-    /// Lines that only help.
+    /// Grid lines.
     pub grid: &'static str,
     /// Shaft speed.
     pub rpm: &'static str,
     /// Exhaust gas temperature.
     pub egt: &'static str,
-    /// What the source commands.
+    /// The commanded demand.
     pub commanded: &'static str,
-    /// What was sent.
+    /// The sent demand.
     pub sent: &'static str,
-    /// What happened.
+    /// Events.
     pub mark: &'static str,
-    /// Where nothing is received.
+    /// Times in which nothing is received.
     pub gap: &'static str,
     /// Emergency stop, standby, run on the wire.
     pub wire: [&'static str; 3],

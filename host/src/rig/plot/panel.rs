@@ -1,5 +1,5 @@
-//! One engine of a plot: what happened above, shaft speed and EGT, the throttle in a strip of its own, the switch and the
-//! stages of the run below. The lines come first, and then the texts where no line crosses them.
+//! One engine of a plot: events above, shaft speed and EGT, the throttle in a strip of its own, the switch and the stages
+//! of the run below. The lines come first, and then the texts where no line crosses them.
 
 use super::super::audit::WireCommand;
 use super::super::chronicle::{Happening, Subject};
@@ -45,9 +45,9 @@ pub fn height(lanes: usize) -> f64 {
 pub struct Panel<'a> {
     /// The engine.
     pub subject: &'a Subject,
-    /// What was seen of it.
+    /// Its samples.
     pub points: &'a [Point],
-    /// What happened to it, or to all.
+    /// Events of it, or of all engines.
     pub happened: &'a [Happening],
     /// Lines of text for that.
     pub lanes: usize,
@@ -61,7 +61,7 @@ pub struct Panel<'a> {
     pub palette: Palette,
 }
 
-/// A piece of a curve: whether it is old news, and its bands.
+/// A piece of a curve: whether its values are old, and its bands.
 type Piece = (bool, Vec<(f64, Band)>);
 
 impl Panel<'_> {
@@ -109,7 +109,7 @@ impl Panel<'_> {
         self.time.at(t).clamp(self.sides.0, self.sides.1)
     }
 
-    /// Neighbours with the same of something, with their beginning and their end.
+    /// Runs of neighbouring points with equal keys, with their beginning and end.
     fn runs<K: PartialEq>(&self, of: impl Fn(&Point) -> K) -> Vec<(K, f64, f64)> {
         let mut runs: Vec<(K, f64, f64)> = Vec::new();
         for point in self.points {
@@ -308,7 +308,8 @@ impl Panel<'_> {
             match pieces.last_mut() {
                 Some((was_old, piece)) if joins && *was_old == old => piece.push((point.t, band)),
                 last => {
-                    // What joins an old value to a new one is as old: it begins at the new one before, and ends at the next.
+                    // The piece between an old value and a new one is also old: it begins at the previous new value and ends at
+                    // the next.
                     let mut before = None;
                     if let Some((was_old, piece)) = last.filter(|_| joins) {
                         if *was_old {
@@ -346,7 +347,7 @@ impl Panel<'_> {
         }
     }
 
-    /// What was on the wire: stop, standby or run; frames without a command, or nothing.
+    /// The command on the wire: stop, standby or run; frames without a command, or nothing.
     fn ribbon(&self, svg: &mut Svg, top: f64) {
         let [stop, standby, run] = self.palette.wire;
         let name = |point: &Point| match point.on_wire {
@@ -372,7 +373,7 @@ impl Panel<'_> {
     /// What happened: a line through the panel and its name above, in one of the lines of text.
     fn happened(&self, svg: &mut Svg, lanes: f64, bottom: f64) {
         for Mark { x, text, lane, at_left } in marks(self.happened, self.time, self.sides) {
-            // Without room for its name there is the line alone, below all names.
+            // Without room for its name there is only the line, below all names.
             let y = lanes + LANE * lane.unwrap_or(self.lanes) as f64;
             svg.line((x, y + 3.0), (x, bottom), self.palette.mark, 1.0);
             if lane.is_some() {
@@ -426,7 +427,7 @@ fn within(first: f64, last: f64, top: f64, bottom: f64) -> impl Iterator<Item = 
         .flat_map(move |y| steps(first, last, STEP).map(move |x| (x, y)))
 }
 
-/// What a curve's bands cover, where they are more than a line. A step holds until the next point.
+/// Areas of a curve's bands, where they are more than a line. A step holds until the next point.
 fn areas(piece: &[(f64, Band)], steps: bool) -> Vec<Vec<(f64, f64)>> {
     if !steps {
         let upper = piece.iter().map(|(t, band)| (*t, band.most));

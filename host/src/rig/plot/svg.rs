@@ -19,7 +19,7 @@ pub enum Anchor {
 pub enum Stroke {
     /// In one piece.
     Solid,
-    /// For a value that is not new.
+    /// For an old value.
     Dashed,
     /// For a limit.
     Dotted,
@@ -55,7 +55,7 @@ const DOT: f64 = 4.0;
 #[derive(Debug)]
 pub struct Svg {
     text: String,
-    /// What a text is not placed on.
+    /// Lines that placed texts avoid.
     lines: Vec<Line>,
     texts: Vec<Area>,
 }
@@ -220,7 +220,7 @@ fn joined(points: &[(f64, f64)]) -> String {
     text
 }
 
-/// What a text takes.
+/// Area of a text.
 fn area((x, y): (f64, f64), size: u32, anchor: Anchor, text: &str) -> Area {
     let wide = width(text.trim_matches(' '), size);
     let left = match anchor {

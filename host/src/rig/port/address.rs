@@ -1,8 +1,8 @@
-//! Where a port of the rig is, written as `mavlink-core` writes addresses.
+//! Addresses of the rig's ports, in the notation of `mavlink-core`.
 
 use std::net::IpAddr;
 
-/// Where a port is.
+/// Address of a port.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub enum Address {
     /// Listens for a connection.
@@ -30,7 +30,7 @@ impl core::fmt::Display for Address {
     }
 }
 
-/// What is no address.
+/// A text that is not a valid address.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct AddressError(String);
 
@@ -70,7 +70,7 @@ impl Address {
         }
     }
 
-    /// Whether the autopilot is there. A client that connects to the rig is a ground station, as on a board's USB.
+    /// Whether the autopilot is on this port. A client that connects to the rig is a ground station, as on a board's USB.
     pub const fn is_autopilot(&self) -> bool {
         matches!(self, Self::TcpOut(_) | Self::UdpOut(_) | Self::Serial(..))
     }

@@ -11,9 +11,9 @@ use std::sync::mpsc::{Receiver, Sender, SyncSender, TrySendError, channel, sync_
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// Pieces that may wait for a writer that does not move.
+/// Pieces that may wait for a blocked writer.
 const WAITING: usize = 16;
-/// Time between two looks at a port, in the simulation's time.
+/// Time between two polls of a port, in the simulation's time.
 const TICK: embassy_time::Duration = embassy_time::Duration::from_millis(10);
 /// Time between two attempts to connect.
 const AGAIN: Duration = Duration::from_millis(500);
@@ -50,7 +50,7 @@ pub struct Link {
 }
 
 impl Link {
-    /// Opens a port. What can be wrong from the start is an error; a peer that is not there yet is waited for.
+    /// Opens a port. Problems that show at once are errors; it waits for a peer that is not present yet.
     pub fn open(address: &Address, format: Format) -> Result<Self, OpenError> {
         let (to_simulation, incoming) = channel();
         let (outgoing, to_peer) = sync_channel::<Vec<u8>>(WAITING);
@@ -132,7 +132,7 @@ impl Link {
 #[derive(Debug)]
 pub struct Rx<'a> {
     incoming: &'a Receiver<Vec<u8>>,
-    /// What has arrived and has not been read.
+    /// Bytes that have arrived and not been read.
     bytes: Vec<u8>,
 }
 
@@ -181,7 +181,7 @@ impl embedded_io_async::Write for Tx<'_> {
     }
 
     async fn flush(&mut self) -> Result<(), Infallible> {
-        // No more than one look ahead.
+        // At most one poll ahead.
         Timer::at(self.sent.checked_sub(TICK).unwrap_or(Instant::MIN)).await;
         Ok(())
     }
@@ -278,7 +278,7 @@ struct Datagrams(UdpSocket, Option<SocketAddr>);
 
 impl Write for Datagrams {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        // A peer that is not there loses it, as a radio does.
+        // An absent peer loses it, as with a radio.
         let _ = match self.1 {
             Some(peer) => self.0.send_to(bytes, peer),
             None => self.0.send(bytes),

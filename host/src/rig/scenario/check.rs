@@ -1,9 +1,9 @@
-//! What the scenarios look for on the wires, and the times that they allow.
+//! Checks of the scenarios on the wires, and their allowed times.
 
 use super::super::audit::{TransmittedFrame, WireCommand};
 use sim::ecu::{MILLIS, Nanos, SECOND};
 
-/// The longest time from what the node decides to what is on the wire: an AMT ECU is answered every 125 ms, and
+/// Longest time from a decision of the node to its frame on the wire: an AMT ECU is answered every 125 ms, and
 /// the answer takes 20.8 ms.
 pub const ON_WIRE: Nanos = 175 * MILLIS;
 /// Time for a node to detect that an engine stopped: two reports that agree. A ZK ECU at 20 Hz reports its state every
@@ -14,7 +14,7 @@ pub const WORDS: Nanos = 100 * MILLIS;
 /// Steps of the wire in the throttle, in tenths of a percent.
 pub const GRAIN: u16 = 10;
 
-/// All frames say this, but for those that say nothing of switch and demand, and there are some.
+/// All frames with a switch or demand have this command, and there are some.
 pub fn all(frames: &[TransmittedFrame], wire: WireCommand) -> bool {
     frames.iter().any(|frame| frame.command == wire)
         && frames.iter().all(|frame| frame.command == wire || frame.command == WireCommand::Nothing)

@@ -1,5 +1,5 @@
-//! Where a scenario is played from: a source for each engine that commands ten times a second, the faults, and what
-//! was seen, to judge by.
+//! The context of a scenario: a source for each engine that commands ten times a second, the faults, and the
+//! observations to judge by.
 
 use super::super::audit::TransmittedFrame;
 use super::super::context::{EngineContext, Notes, PilotInput, Stage, look};
@@ -24,7 +24,7 @@ use std::cell::{Cell, RefCell};
 
 /// Between two commands of a source.
 const TICK: Duration = Duration::from_millis(100);
-/// Between two looks at something that is waited for, and at the simulated engines.
+/// Time between two checks of an awaited event, and of the simulated engines.
 const LOOK: Duration = Duration::from_millis(20);
 
 /// A simulated engine at one moment.
@@ -156,7 +156,7 @@ impl<'a> ScenarioContext<'a> {
         }
     }
 
-    /// What had to happen.
+    /// Expected events.
     pub fn checks(&self) -> Vec<Check> {
         self.checks.borrow().clone()
     }
@@ -168,7 +168,7 @@ impl<'a> ScenarioContext<'a> {
         }
     }
 
-    /// Commands this engine forever, and writes down what the simulated one does.
+    /// Commands this engine forever, and records the simulated engine.
     pub async fn sit(&self, engine: usize) {
         let (Some(source), Some(context)) = (self.sources.get(engine), self.contexts.get(engine)) else {
             return;
@@ -298,7 +298,7 @@ impl<'a> ScenarioContext<'a> {
         self.plugs[engine].power(on);
     }
 
-    /// What goes wrong at random with what an ECU sends, and what the node's UART makes of framing errors.
+    /// Random faults on an ECU's bytes, and the node's UART's treatment of framing errors.
     pub fn noise(&self, engine: usize, faults: Faults, framing: FramingAs) {
         let noise = faults != Faults::default();
         self.contexts[engine].disturb(&self.plugs[engine], By::Scenario, Fault::Noise, noise);
@@ -328,7 +328,7 @@ impl<'a> ScenarioContext<'a> {
         .await
     }
 
-    /// What happens now is shown in the picture.
+    /// Marks this moment in the picture.
     pub fn mark(&self, label: &str) {
         self.notes.mark(label);
     }
@@ -341,7 +341,7 @@ impl<'a> ScenarioContext<'a> {
         }
     }
 
-    /// What the scenario is about begins.
+    /// The scenario's own events begin.
     pub fn event(&self) {
         (0..self.count()).for_each(|i| self.stage(i, Stage::Scenario(self.name)));
     }
@@ -413,7 +413,7 @@ impl<'a> ScenarioContext<'a> {
         Ok(())
     }
 
-    /// Standby for all, until no engine burns any more.
+    /// Standby for all, until no engine burns.
     pub async fn shut_down(&self) -> Result<(), String> {
         for i in 0..self.count() {
             self.stage(i, Stage::Cooling);
@@ -437,7 +437,7 @@ impl<'a> ScenarioContext<'a> {
         clock::now_ns()
     }
 
-    /// Something has to be so.
+    /// States an expectation.
     pub fn must(&self, held: bool, what: impl Into<String>) {
         let what = what.into();
         if !held {
@@ -446,12 +446,12 @@ impl<'a> ScenarioContext<'a> {
         self.checks.borrow_mut().push(Check { what, held });
     }
 
-    /// Takes what the lines have recorded.
+    /// Takes the recordings of the lines.
     pub fn look(&self) {
         look(self.contexts, self.plugs);
     }
 
-    /// What the node sent to an ECU in this time, by the frames' first bits.
+    /// Frames sent by the node to an ECU in this time, by their first bits.
     pub fn transmitted(&self, engine: usize, from: Nanos, to: Nanos) -> Vec<TransmittedFrame> {
         let audit = self.contexts[engine].audit.borrow();
         let transmitted = audit.transmitted.as_deref().unwrap_or_default();
@@ -480,13 +480,13 @@ impl<'a> ScenarioContext<'a> {
         !phases.is_empty() && phases.iter().all(|phase| *phase == Phase::Running)
     }
 
-    /// How often the simulated engine was lit, or began to be, in this time.
+    /// Number of times that the simulated engine was lit, or began to be, in this time.
     pub fn starts(&self, engine: usize, from: Nanos, to: Nanos) -> usize {
         let phases = self.phases(engine, from, to);
         phases.windows(2).filter(|pair| matches!(pair, [a, b] if !a.is_live() && b.is_live())).count()
     }
 
-    /// Its speed since then was within this share of what it was then.
+    /// Its speed since then was within this share of its speed then.
     pub fn speed_stayed(&self, engine: usize, from: Nanos, share: f64) -> bool {
         let course = self.courses[engine].borrow();
         let mut speeds = course.iter().filter(|moment| moment.at >= from).map(|moment| moment.rpm);
@@ -505,7 +505,7 @@ impl<'a> ScenarioContext<'a> {
         self.when_reported(engine, what).is_some()
     }
 
-    /// How often the node has reported this since then.
+    /// Number of times that the node has reported this since then.
     pub fn events_since(&self, engine: usize, since: Nanos, what: impl Fn(Event) -> bool) -> usize {
         let events = self.events.borrow();
         events.iter().filter(|(at, i, event)| *at >= since && *i == engine && what(*event)).count()

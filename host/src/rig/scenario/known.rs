@@ -1,4 +1,4 @@
-//! The six that have their pictures in `docs/failsafe.md`.
+//! The six scenarios with pictures in `docs/failsafe.md`.
 
 use super::super::audit::WireCommand;
 use super::super::context::Stage;
@@ -11,7 +11,7 @@ use jetlink::event::{End, Event, LossStage};
 use jetlink::limit::LimitKind;
 use sim::ecu::{MILLIS, Nanos, SECOND};
 
-/// What it takes to see by the exhaust that an engine burns no more: two agreeing sets below 300 °C, or 3 s of a fast
+/// Time until the exhaust shows that an engine no longer burns: two agreeing sets below 300 °C, or 3 s of a fast
 /// fall, none of it in the first 5 s after the demand was lowered.
 const SEES_COLD: Nanos = 6 * SECOND;
 /// A demand rises from idle to 60 % at 50 % a second.
@@ -62,7 +62,7 @@ pub async fn source_loss(c: &ScenarioContext<'_>) -> Result<(), String> {
         let again = c.transmitted(i, back, end);
         let again =
             again.iter().find(|frame| frame.command == WireCommand::Run(600)).map(|frame| frame.from - back);
-        // Its first word comes up to 0.1 s late, and so does the one that ends the second without a gap.
+        // Its first command comes up to 0.1 s late, and so does the one that ends the 1 s without a gap.
         c.must(
             again.is_some_and(|after| {
                 (SECOND + RISE_TO_60..=3 * SECOND + RISE_TO_60 + 2 * WORDS + ON_WIRE).contains(&after)

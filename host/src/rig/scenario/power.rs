@@ -124,7 +124,7 @@ pub async fn watchdog_loop(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.look();
     for i in 0..c.count() {
         let name = c.name(i);
-        // Its timeout, hold, 1.2 s from 60 % to idle; twice that for what the resets take.
+        // Its timeout, hold, 1.2 s from 60 % to idle; twice that to allow for the resets.
         let late = c.transmitted(i, silent + 6 * SECOND, end);
         let above =
             late.iter().find(|frame| matches!(frame.command, WireCommand::Run(1..) | WireCommand::RunRpm(_)));

@@ -1,4 +1,4 @@
-//! Sources: whose word counts, and what a start takes.
+//! Sources: which one is in control, and the conditions of a start.
 
 use super::super::audit::WireCommand;
 use super::super::context::{PilotInput, Stage};

@@ -69,7 +69,7 @@ pub async fn one_wire_cut(c: &ScenarioContext<'_>) -> Result<(), String> {
                         format!("{name}, {what}: its ECU keeps the engine running, whatever is sent (ZK-10)"),
                     );
                 }
-                // Its ECU stops the engine by itself.
+                // Its ECU itself stops the engine.
                 (_, Direction::ToEcu) => {
                     c.must(
                         c.phases(i, cut + 3 * SECOND, mended).iter().all(|phase| !phase.is_live()),
@@ -108,7 +108,7 @@ pub async fn one_wire_cut(c: &ScenarioContext<'_>) -> Result<(), String> {
 pub async fn framing_noise(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.fly(60).await?;
     c.event();
-    // What the UART's driver makes of it: embassy's buffered one, and the one with a ring in DMA.
+    // Treatment by the UART's driver: embassy's buffered one, and the one with a ring in DMA.
     for (framing, what) in [(FramingAs::Data, "broken bytes as data"), (FramingAs::Error, "as errors")] {
         c.mark(&format!("one in six bytes of the ECUs breaks its frame, {what}"));
         let begin = c.now();

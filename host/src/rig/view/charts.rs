@@ -13,7 +13,7 @@ use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType};
 
-/// What is shown, in seconds.
+/// Time shown, in seconds.
 const SPAN: f64 = 120.0;
 /// Charts beside one another.
 const BESIDE: usize = 4;
@@ -25,7 +25,7 @@ const FIRST_FRAME_WITHIN: f64 = 1.0;
 const LEAST_HEIGHT: u16 = 16;
 /// Least room above the highest speed and above the limit of the EGT.
 const HEADROOM: f64 = 1.08;
-/// An axis ends at a multiple of this, so that its label is no rounded number.
+/// An axis ends at a multiple of this, so that its label needs no rounding.
 const RPM_STEP: f64 = 10_000.0;
 /// The same of the EGT, in °C.
 const EGT_STEP: f64 = 50.0;
@@ -83,11 +83,11 @@ fn engine(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect, engine
         ("rpm", Tone::Good, curve(&|point| point.rpm.filter(|_| !point.rpm_old), 1.0)),
     ];
     if by_rpm {
-        // What is sent lies above what is commanded where both are the same, as in the strip of a throttle.
+        // The sent demand is drawn above the commanded one where both are equal, as in the strip of a throttle.
         speeds.insert(0, ("sent", Tone::Busy, curve(&|point| point.sent_rpm, 1.0)));
         speeds.insert(1, ("commanded", Tone::Warn, curve(&|point| point.demand_rpm, 1.0)));
     }
-    // Behind the curves: what happened, and at the bottom where nothing is received.
+    // Behind the curves: events, and at the bottom the times without reception.
     let marks = marks(model, engine);
     let through = |top: f64| -> Curve { marks.iter().map(|(t, _)| vec![(*t, 0.0), (*t, top)]).collect() };
     // Before the first frame nothing could be received.
@@ -141,7 +141,7 @@ fn engine(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect, engine
     }
 }
 
-/// What happened to an engine, in seconds before now, the latest last.
+/// Events of an engine, in seconds before now, the latest last.
 fn marks(model: &Model, engine: usize) -> Vec<(f64, String)> {
     let name = model.name(engine);
     let of_engine = model.events.iter().filter(|event| event.name == name || event.name == ALL);
@@ -156,7 +156,7 @@ fn marks(model: &Model, engine: usize) -> Vec<(f64, String)> {
 fn named(marks: &[(f64, String)], has_gap: bool, room: usize, theme: Theme) -> String {
     let gap = has_gap.then(|| "bottom line: nothing received".to_owned());
     let latest = marks.iter().rev().map(|(t, text)| format!("{text} {t:.0} s"));
-    // What happened comes first.
+    // Events come first.
     let all: Vec<String> = latest.chain(gap).map(|text| theme.text(&text)).collect();
     let text = |kept: usize| {
         let names: Vec<&str> = all.iter().take(kept).rev().map(String::as_str).collect();

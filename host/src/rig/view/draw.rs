@@ -1,4 +1,4 @@
-//! Draws the screen: which parts there are, by its size.
+//! Draws the screen: its size determines the parts.
 
 use super::super::fit::{first_that_fits, wrapped};
 use super::super::play::action::Fault;
@@ -58,7 +58,7 @@ pub fn draw(model: &Model, theme: Theme, frame: &mut Frame<'_>) {
         Some(Popup::Release) => popup::release(model, theme, frame, body),
         None => {}
     }
-    // The charts bring characters of their own.
+    // The charts use characters of their own.
     if theme.ascii {
         for cell in &mut frame.buffer_mut().content {
             if !cell.symbol().is_ascii() {
@@ -112,7 +112,7 @@ fn header(model: &Model, theme: Theme, width: u16) -> Line<'static> {
     } else {
         format!("×{}{}", passing.speed, if passing.auto { " auto" } else { "" })
     };
-    // A run that is played on has no length of its own.
+    // A run that is played further has no length of its own.
     let length = model.length.map(|length| seconds(length).max(0.1)).filter(|length| at <= *length);
     let of = length.map_or_else(String::new, |length| {
         let bar = theme.gauge(20.min(usize::from(width / 4)), at / length, None);
@@ -198,7 +198,7 @@ fn events(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
     frame.render_widget(Paragraph::new(lines), list);
 }
 
-/// What is written in capitals is wrong.
+/// Text in capitals marks a fault.
 fn tone_of(text: &str) -> Tone {
     let loud =
         text.split_whitespace().find(|word| word.len() > 3 && word.chars().all(|c| c.is_ascii_uppercase()));

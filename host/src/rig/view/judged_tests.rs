@@ -1,4 +1,4 @@
-//! What a played run may come to, and how it is judged: script files and keys in virtual time, as in `tests`.
+//! Judging of played runs: script files and keys in virtual time, as in `tests`.
 
 use super::super::context::{EngineContext, Notes};
 use super::super::control::{Control, Live, Request, Scripted, Situation, Turn};
@@ -26,7 +26,7 @@ const HEAD: &str = "jetlink rig script, version 0.1.0\n";
 const ZK: &str = "engine name=left,ecu=zk\n";
 const AMT: &str = "engine name=left,ecu=amt,baud=115200\n";
 
-/// What came of a script file.
+/// Outcome of a script file.
 pub struct Run {
     model: Model,
     outcomes: Outcomes,
@@ -99,7 +99,8 @@ fn a_script_is_not_restarted_while_a_stop_is_latched() {
     assert_eq!((run.happened("left stays played"), run.outcomes.length.as_secs()), (1, 72));
 }
 
-/// What `--faults` does is no pilot's doing either. What no fault explains counts: `Disturbances` and the judge have that.
+/// A pilot does not cause the effects of `--faults` either. Effects without a fault count: `Disturbances` and the judge test
+/// this.
 #[test]
 fn faults_of_the_run_explain_missed_windows() {
     for (i, script) in ["faults heavy\n3 left arm\n40 end\n", "faults cut=left@60s+5s\n3 left arm\n100 end\n"]
@@ -113,7 +114,7 @@ fn faults_of_the_run_explain_missed_windows() {
     }
 }
 
-/// Nor what a scenario does, at whatever moment it is stopped by hand.
+/// Nor those of a scenario, whenever it is stopped by hand.
 #[test]
 fn a_scenario_that_is_stopped_by_hand_is_judged_by_the_stop() {
     let mut missed = 0;
@@ -173,7 +174,7 @@ fn a_run_of_radio_control_ends_with_a_verdict() {
     }
 }
 
-/// A file with nothing but an end: what went wrong until then is judged.
+/// A file with only an end: faults up to then are judged.
 #[test]
 fn a_script_file_that_ends_before_the_engines_have_flown_has_a_verdict() {
     let whole = run("only-end", &format!("{AMT}2 end\n")).unwrap();
@@ -188,7 +189,7 @@ fn a_script_file_that_ends_before_the_engines_have_flown_has_a_verdict() {
     assert_eq!(summary::pass(&disturbed.outcomes), "PASS: no unsolicited command; targets are not judged.");
 }
 
-/// What a pilot may do at any time is no unsolicited command.
+/// Actions that a pilot may take at any time are not unsolicited commands.
 #[test]
 fn plain_actions_of_a_pilot_are_no_findings() {
     for (i, script) in [
@@ -204,7 +205,7 @@ fn plain_actions_of_a_pilot_are_no_findings() {
         let run = run(&format!("plain-{i}"), &script).unwrap();
         assert_eq!(run.problems(), Vec::<String>::new(), "{script}");
     }
-    // What the node would refuse, and lose its source by, is a mistake of the file.
+    // A command that the node would refuse, and thereby lose its source, is a mistake in the file.
     for (action, what) in
         [("rpm 60000", "the ECU of left has no speed control"), ("rpm 999999", "has no speed control")]
     {
@@ -317,7 +318,7 @@ fn a_node_in_doubt_repeats_the_speed() {
     );
 }
 
-/// What the ECU obeys may be less than what was sent last.
+/// The ECU may obey less than the last demand sent.
 #[test]
 fn a_rise_after_a_gap_begins_with_what_the_ecu_obeys() {
     let engine = "engine name=left,ecu=zk,mode=split,rate=100\n";
@@ -341,7 +342,7 @@ fn a_switch_that_was_at_stop_for_no_frame_is_no_late_stop() {
     all_pass("no-frame", &["sbus", "crsf", "pwm"].map(of).each_ref().map(String::as_str));
 }
 
-/// What the node does without a command is found, whatever a pilot does beside it.
+/// Unsolicited actions of the node are found, whatever a pilot does at the same time.
 #[test]
 fn what_nobody_has_commanded_is_found_in_a_played_run() {
     // Between two commands of the player, and before a set of the AMT ECU.
@@ -384,8 +385,8 @@ fn what_nobody_has_commanded_is_found_in_a_played_run() {
     }
 }
 
-/// A source whose demands the ECU cannot follow is a silent one: the node may give up its start. One that commands what it
-/// can is none.
+/// A source whose demands the ECU cannot follow is a silent one: the node may give up its start. The control: one whose
+/// demands it can follow is not.
 #[test]
 fn a_source_that_is_refused_is_silent_for_the_audit() {
     let (engines, notes) = (engines(&[]).unwrap(), Notes::default());
@@ -408,7 +409,7 @@ fn a_source_that_is_refused_is_silent_for_the_audit() {
     }
 }
 
-/// A flame that does not burn cannot go out, and nothing is excused by that.
+/// A flame that does not burn cannot go out, which excuses nothing.
 #[test]
 fn a_fault_that_cannot_act_changes_nothing() {
     let cold = run("cold", &format!("{AMT}2 left flame-out\n9 end\n")).unwrap();
@@ -423,7 +424,7 @@ fn a_fault_that_cannot_act_changes_nothing() {
     assert!(hot.outcomes.engines[0].played.is_some() && hot.happened("no flame burns") == 0);
 }
 
-/// What follows a stop is one sentence, in the event and on the page Why: disarm and arm, then start.
+/// The steps after a stop are one sentence, in the event and on the page Why: disarm and arm, then start.
 #[test]
 fn a_start_after_a_stop_is_refused_by_the_sentence_that_why_shows() {
     let keys =
@@ -444,7 +445,7 @@ fn a_start_after_a_stop_is_refused_by_the_sentence_that_why_shows() {
     assert!(followed.model.samples[0].armed, "{:?}", followed.model.events);
 }
 
-/// What a scenario that was stopped by hand did not come to has no time.
+/// Events that a manually stopped scenario did not reach have no time.
 #[test]
 fn what_never_came_has_no_time() {
     let mut texts = Vec::new();

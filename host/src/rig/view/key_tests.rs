@@ -1,4 +1,4 @@
-//! What the keys do, and the help that names them, drawn into memory as in `tests`.
+//! The keys' actions, and the help that names them, drawn into memory as in `tests`.
 
 use super::super::context::Stage;
 use super::super::message::Message;
@@ -13,7 +13,7 @@ use embassy_time::Duration;
 use jetlink::engine::state::EngineState;
 use std::cell::RefCell;
 
-/// Where no key has turned it on, the mouse marks text, as in any terminal.
+/// Until a key turns it on, the mouse marks text, as in any terminal.
 #[test]
 fn the_mouse_selects_engines_when_it_is_on() {
     let mut played = pair(1.0, &[], "mouse");
@@ -112,7 +112,7 @@ fn s_starts_an_engine_whose_script_is_done() {
     assert_eq!(again.outcomes.engines[0].commands_rejected, 0);
 }
 
-/// Where the keys move a transmitter they say so.
+/// If the keys move a transmitter, the help states it.
 #[test]
 fn the_help_of_a_transmitter_names_stick_and_switch() {
     let mut played = pair(1.0, &[], "transmitter");
@@ -133,7 +133,7 @@ fn a_scenario_shows_no_key_that_would_do_nothing() {
     assert!(screen.contains("Space STOP ALL  ? keys  q end  w why  v wire"), "{screen}");
     assert!(!screen.contains("start after an emergency stop"), "{screen}");
     assert!(!screen.contains("break something") && !screen.contains("start: run at idle"), "{screen}");
-    // Nor in the line that says what happens, while they fly and at the end.
+    // Nor in the line of events, while they fly and at the end.
     let mut played = pair(70.0, &[], "scenario-flies");
     for verdict in [None, Some(super::model::Verdict { pass: true, lines: vec!["PASS: all".to_owned()] })] {
         played.model.verdict = verdict;
@@ -145,7 +145,7 @@ fn a_scenario_shows_no_key_that_would_do_nothing() {
     }
 }
 
-/// Space also stops all engines of a scenario. What was expected of it is not judged then.
+/// Space also stops all engines of a scenario. Its expected events are then not judged.
 #[test]
 fn space_stops_a_scenario_and_it_is_not_judged() {
     let args = ["rig", "--fast", "--scenario", "source-loss"];
@@ -173,7 +173,7 @@ fn space_stops_a_scenario_and_it_is_not_judged() {
     }
 }
 
-/// On a low and narrow screen they are on several pages, each of them whole.
+/// On a small screen they are on several pages, each of them complete.
 #[test]
 fn every_key_is_on_a_page_of_the_help_at_60_by_16() {
     let mut played = pair(1.0, &[], "pages");

@@ -103,28 +103,28 @@ pub struct Verdict {
     pub lines: Vec<String>,
 }
 
-/// What the screen shows.
+/// Contents of the screen.
 #[derive(Debug)]
 pub struct Model {
     /// The engines.
     pub subjects: Vec<Subject>,
-    /// What the run is to last, if it ends by itself.
+    /// Planned length of the run, if it has an end.
     pub length: Option<Duration>,
     /// Engine time.
     pub at: Instant,
-    /// All engines, as they are; empty before the first sample.
+    /// Present samples of all engines; empty before the first sample.
     pub samples: Vec<Sample>,
-    /// More of each.
+    /// Details of each.
     pub details: Vec<Detail>,
     /// Frames a second of each.
     pub rates: Rates,
-    /// What was seen over time.
+    /// Record of the samples.
     pub record: Record,
-    /// What was on each line.
+    /// Frames on each line.
     pub frames: Vec<Frames>,
-    /// What happened, the latest last.
+    /// Events, the latest last.
     pub events: VecDeque<Event>,
-    /// Events that are not kept any more.
+    /// Number of events that are no longer kept.
     pub dropped: usize,
     /// How the run passes.
     pub passing: Passing,

@@ -1,4 +1,4 @@
-//! A panel for an engine: gauges with their limits, what is commanded and sent, the link.
+//! A panel for an engine: gauges with their limits, the commanded and the sent demand, the link.
 
 use super::super::context::Stage;
 use super::super::fit::{first_that_fits, listed};
@@ -82,7 +82,7 @@ pub fn draw(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect, engi
     frame.render_widget(Paragraph::new(texts), inside);
 }
 
-/// Who flies the engine, and how far a script has come.
+/// Who flies the engine, and the stage of its script.
 fn stage(stage: Stage) -> String {
     match stage {
         Stage::Commanded => "no script".to_owned(),
@@ -100,7 +100,7 @@ fn texts(
     width: usize,
 ) -> Vec<Line<'static>> {
     let styled = |text: String, tone| Span::styled(theme.cut(&text, width), theme.style(tone));
-    // Where there are no colours a mark shows what is wrong.
+    // Without colours a mark shows a fault.
     let sign = |text: &str, tone| match theme.sign(tone) {
         Some(sign) if tone != Tone::Quiet => format!("{text}{sign}"),
         _ => text.to_owned(),

@@ -13,7 +13,7 @@ const MARGIN: usize = 8;
 /// From the top of a cell to its baseline.
 const BASE: usize = 13;
 
-/// What a colour looks like.
+/// SVG value of a colour.
 fn hex(color: Color, dark: bool) -> &'static str {
     match (color, dark) {
         (Color::Green, false) => "#1a7f37",

@@ -1,4 +1,4 @@
-//! What lies above the screen: the keys, the faults, the question whether to release a stop.
+//! Popups above the screen: the keys, the faults, the question whether to release a stop.
 
 use super::keys::{FAULTS, Key, RELEASE, by_transmitter, restart_text};
 use super::model::Model;
@@ -30,7 +30,7 @@ fn draw(theme: Theme, frame: &mut Frame<'_>, area: Rect, title: &str, lines: Vec
     frame.render_widget(Paragraph::new(lines).block(block), place);
 }
 
-/// The keys: below one another where they fit, else in two columns, else on several pages.
+/// The keys: in one column if they fit, otherwise in two columns or on several pages.
 pub fn help(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
     let mut lines = rows(model, theme, model.keys());
     let wide = lines.iter().map(Line::width).max().unwrap_or(0) + 1;

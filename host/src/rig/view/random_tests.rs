@@ -1,4 +1,4 @@
-//! Random script files: whatever a pilot does, and whatever breaks, a played run passes, because only the node could fail it.
+//! Random script files: a played run passes whatever a pilot does and whatever breaks, because only the node could fail it.
 //!
 //! A failure prints its seed and its script. `JETLINK_SEED=58 cargo test --package host random_scripts -- --ignored` plays from
 //! that seed on, `JETLINK_RUNS` of them.
@@ -6,7 +6,7 @@
 use super::judged_tests::run;
 use std::fmt::Write as _;
 
-/// What is played in every test run.
+/// Seeds that every test run plays.
 const SEED: u64 = 1;
 const RUNS: u64 = 200;
 /// Threads that play.
@@ -117,7 +117,7 @@ fn script(seed: u64) -> String {
     text
 }
 
-/// Plays these seeds, and gives what failed.
+/// Plays these seeds, and returns the failures.
 fn failures(from: u64, runs: u64) -> Vec<String> {
     let of_thread = |thread: u64| {
         (from + thread..from + runs).step_by(THREADS as usize).filter_map(|seed| {

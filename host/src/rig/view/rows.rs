@@ -13,7 +13,7 @@ use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
-/// The columns with their widths where there is room for all.
+/// The columns with their widths when there is room for all.
 const COLUMNS: [(&str, usize); 8] = [
     ("engine", 12),
     ("state", 18),
@@ -29,8 +29,8 @@ const LEAST_STATE: usize = 8;
 const LEAST_LINK: usize = 7;
 const LEAST_SOURCE: usize = 11;
 
-/// The widths of the columns on a screen of this width: the names take what they need, and what is left goes to the
-/// state, then to the source.
+/// The widths of the columns on a screen of this width: the names take the width that they need, and the rest goes
+/// to the state, then to the source.
 fn widths(model: &Model, width: u16) -> Vec<usize> {
     let mut widths = COLUMNS.map(|(_, width)| width).to_vec();
     // The mark, and a space between two columns.
@@ -83,7 +83,7 @@ fn is_number(head: &str) -> bool {
     matches!(head, "rpm" | "EGT" | "commanded" | "sent")
 }
 
-/// A cell, with a mark behind its text or a space.
+/// A cell, with a mark or a space after its text.
 fn aligned(head: &str, text: &str, width: usize, mark: char) -> String {
     if is_number(head) {
         format!("{text:>width$}{mark}")
@@ -105,7 +105,7 @@ fn row(model: &Model, theme: Theme, engine: usize, sample: &Sample, widths: &[us
     // A mark in place of a colour takes a letter.
     let room = width(7).saturating_sub(usize::from(theme.sign(source(sample)).is_some()));
     let source_text = first_that_fits(&[sample.in_control_text(), brief(sample)], room, theme.mark());
-    // The word for all steps of a start, where that of the step has no room.
+    // The word for all steps of a start, if that of the step has no room.
     let does = first_that_fits(&[sample.does_text(), sample.does.name().to_owned()], width(1), theme.mark());
     let cells = [
         (model.name(engine).to_owned(), if engine == model.selected { Tone::Selected } else { Tone::Plain }),
@@ -129,7 +129,7 @@ fn row(model: &Model, theme: Theme, engine: usize, sample: &Sample, widths: &[us
     Line::from(spans)
 }
 
-/// The source in control and what holds its demand, in few letters.
+/// The source in control and the reason for holding its demand, in few letters.
 fn brief(sample: &Sample) -> String {
     let name = |origin: Origin| match origin {
         Origin::Mavlink => "mav",
@@ -151,12 +151,12 @@ fn brief(sample: &Sample) -> String {
     format!("{source} {holds}")
 }
 
-/// What the source commands.
+/// The source's command.
 pub fn commanded(sample: &Sample) -> String {
     if sample.silent { "silent".to_owned() } else { sample.input.to_string() }
 }
 
-/// The tone of what an engine does.
+/// The tone of an engine's state.
 pub fn state(sample: &Sample) -> Tone {
     if sample.faults.is_some_and(|faults| !faults.is_empty()) {
         return Tone::Bad;
@@ -171,7 +171,7 @@ pub fn state(sample: &Sample) -> Tone {
     }
 }
 
-/// The tone of a value, as long as newer ones come.
+/// The tone of a value while newer ones arrive.
 pub fn unless_old(tone: Tone, old: Option<Instant>) -> Tone {
     if old.is_some() { Tone::Quiet } else { tone }
 }
@@ -185,7 +185,7 @@ pub fn link(sample: &Sample) -> Tone {
     }
 }
 
-/// The tone of who is in control.
+/// The tone of the source in control.
 pub fn source(sample: &Sample) -> Tone {
     match (sample.order, sample.loss) {
         (Order::EmergencyStop, _) => Tone::Bad,

@@ -1,6 +1,6 @@
-//! Colours as terminals with sixteen of them know them: crossterm writes all as of a palette of 256.
+//! Colours for terminals with sixteen colours: crossterm writes all of them as colours of a palette of 256.
 
-/// Bytes for a terminal, with each of the first sixteen colours of the palette as the code that it had before there was one.
+/// Bytes for a terminal, with each of the first sixteen colours of the palette as its basic code.
 pub fn sixteen_colours(bytes: &[u8]) -> Vec<u8> {
     let mut out = Vec::with_capacity(bytes.len());
     let mut rest = bytes;
@@ -38,7 +38,7 @@ fn codes(parameters: &str) -> String {
                 all.push((if ground == "38" { base } else { base + 10 }).to_string());
                 3
             }
-            // Those of a larger palette, and of their own mixture, have numbers that are no codes.
+            // Colours of a larger palette and RGB colours have numbers that are not codes.
             (None, "38" | "48") => {
                 let taken = if left.get(1) == Some(&"5") { 3 } else { 5 };
                 all.extend(left.iter().take(taken).map(|&code| code.to_owned()));

@@ -1,5 +1,5 @@
-//! The terminal: raw mode, the alternate screen, keys in and pictures out. It is put back as it was when this is dropped,
-//! also by a panic, and while the program is suspended.
+//! The terminal: raw mode, the alternate screen, keys in and pictures out. It is restored when this is dropped, also by a
+//! panic, and while the program is suspended.
 
 use super::super::control::Request;
 use super::super::ending::{EndRequest, EndedBy};
@@ -29,10 +29,10 @@ use std::time::{Duration, Instant};
 
 /// Between two pictures.
 const DRAW_EVERY: Duration = Duration::from_millis(66);
-/// Keys are looked at so often while nothing else comes.
+/// Interval at which keys are checked while nothing else arrives.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
-/// Continued in the background: a signal that ends the program is there within this time.
+/// Time within which a signal that ends the program arrives after it was continued in the background.
 const END_WITHIN: Duration = Duration::from_millis(400);
 
 /// The alternate screen in raw mode, as long as it lives and nothing has panicked.
@@ -47,7 +47,7 @@ impl AlternateScreen {
         let left = Arc::new(AtomicBool::new(false));
         let screen = Self { left: left.clone() };
         take_over()?;
-        // A panic, in whatever thread, is to be read on the normal screen.
+        // A panic in any thread has to be readable on the normal screen.
         let print = std::panic::take_hook();
         std::panic::set_hook(Box::new(move |panic| {
             left.store(true, Ordering::SeqCst);
@@ -71,8 +71,8 @@ fn take_over() -> io::Result<()> {
     execute!(io::stdout(), EnterAlternateScreen, cursor::Hide)
 }
 
-/// The terminal as ratatui writes to it. Ratatui prints that it cannot show the cursor when it is dropped, and panics where that
-/// cannot be printed either, as in a window that was closed. So nothing fails here: what goes out around each picture does.
+/// The terminal as ratatui writes to it. When ratatui is dropped and cannot show the cursor, it prints an error, and panics if
+/// that fails too, as in a closed window. So writes never fail here, but the output around each picture does.
 #[derive(Debug)]
 struct Forgiving {
     to: Stdout,
@@ -98,8 +98,8 @@ impl Write for Forgiving {
     }
 }
 
-/// Nothing is known of what is on the screen, so all of it will be drawn. Ratatui's own way to clear it requests from the terminal
-/// its cursor, which not every terminal answers.
+/// The contents of the screen are unknown, so all of it will be drawn. Ratatui's own way to clear it asks the terminal for its
+/// cursor, which not every terminal answers.
 fn fresh() -> io::Result<Terminal<CrosstermBackend<Forgiving>>> {
     let (width, height) = size::of_terminal()?;
     execute!(io::stdout(), Clear(ClearType::All))?;
@@ -108,7 +108,7 @@ fn fresh() -> io::Result<Terminal<CrosstermBackend<Forgiving>>> {
 }
 
 fn give_back() {
-    // Nothing can be done about a terminal that is gone.
+    // A closed terminal cannot be handled.
     let _ = execute!(
         io::stdout(),
         DisableMouseCapture,
@@ -116,13 +116,13 @@ fn give_back() {
         LeaveAlternateScreen,
         cursor::Show
     );
-    // The shell has set its own modes then, and whoever changes them is stopped.
+    // The shell has then set its own modes, and stops a program that changes them.
     if in_foreground() {
         let _ = disable_raw_mode();
     }
 }
 
-/// Whether the shell has given the terminal to this program. Where no shell controls jobs, nobody else has it.
+/// Whether the shell has given the terminal to this program. Without job control, nobody else has it.
 #[cfg(unix)]
 fn in_foreground() -> bool {
     rustix::termios::tcgetpgrp(io::stdout()).map_or(true, |group| group == rustix::process::getpgrp())
@@ -133,7 +133,7 @@ const fn in_foreground() -> bool {
     true
 }
 
-/// What the run is to do about it; `None`: that concerns the terminal, or the end.
+/// Request to the run; `None`: the key concerns the terminal, or the end.
 const fn of_run(requested: Requested) -> Option<Request> {
     Some(match requested {
         Requested::Wish(engine, wish) => Request::Wish(engine, wish),
@@ -191,7 +191,7 @@ impl Screen {
         })
     }
 
-    /// Shows what comes until nothing more can come. `keep` sees each message first, and `None` where none has come for a while.
+    /// Shows messages until no more can come. `keep` gets each message first, and `None` if none has come for a while.
     pub fn run<E>(
         &mut self,
         messages: &Receiver<Message>,
@@ -202,7 +202,7 @@ impl Screen {
                 Ok(message) => {
                     keep(Some(&message))?;
                     self.model.message(message);
-                    // All that waits, before the next picture; but where more comes than can be shown, keys still count.
+                    // Takes all waiting messages before the next picture; if more arrive than can be shown, keys still count.
                     let until = Instant::now() + DRAW_EVERY;
                     while Instant::now() < until
                         && let Ok(message) = messages.try_recv()
@@ -233,7 +233,7 @@ impl Screen {
         if self.model.dropped > 0 {
             text += &format!("({} earlier events were dropped)\n", self.model.dropped);
         }
-        // Of a terminal that is gone nothing is known, and nobody reads.
+        // The state of a closed terminal is unknown, and nobody reads it.
         let width = size::of_terminal().map_or(usize::MAX, |(width, _)| width.into());
         for event in &self.model.events {
             for line in wrapped(&event.line(), width, ModelEvent::INDENT, self.theme.mark()) {
@@ -267,7 +267,7 @@ impl Screen {
         execute!(io::stdout(), EndSynchronizedUpdate)
     }
 
-    /// Looks at the keys that were pressed.
+    /// Handles the pressed keys.
     fn keys(&mut self) -> io::Result<()> {
         for event in self.keyboard.events() {
             match event {
@@ -279,7 +279,7 @@ impl Screen {
                 Event::Mouse(mouse) if mouse.kind == MouseEventKind::Down(MouseButton::Left) => {
                     self.model.click(mouse.column, mouse.row);
                 }
-                // All that was drawn before is in the wrong place.
+                // Everything drawn before is in the wrong place.
                 Event::Resize(..) => self.terminal = fresh()?,
                 _ => continue,
             }
@@ -337,7 +337,7 @@ impl Screen {
             if self.end.requested().is_some() {
                 return Ok(());
             }
-            // The signal that ends it comes beside the one that continues it, and another thread may take it.
+            // The signal that ends it comes together with the one that continues it, and another thread may take it.
             if looked < END_WITHIN {
                 std::thread::sleep(LOOK_EVERY);
                 looked += LOOK_EVERY;

@@ -69,7 +69,7 @@ pub fn press(code: KeyCode) -> KeyEvent {
     KeyEvent::new(code, KeyModifiers::NONE)
 }
 
-/// What came of a run on the screen.
+/// Result of a run on the screen.
 pub struct Played {
     pub model: Model,
     pub outcomes: Outcomes,
@@ -79,7 +79,7 @@ pub struct Played {
     pub script: String,
 }
 
-/// Plays the script file with this text beside these keys.
+/// Plays the script file with this text, together with these keys.
 pub fn play(name: &str, script: &str, keys: &[(f64, KeyEvent)], end: f64) -> Played {
     let path = std::env::temp_dir().join(format!("jetlink-view-{}-{name}", std::process::id()));
     std::fs::write(&path, script).unwrap();
@@ -131,7 +131,7 @@ pub fn text(buffer: &Buffer) -> String {
     (0..area.height).map(line).collect()
 }
 
-/// Of nothing that is called an event can a newcomer say what happens.
+/// Text of an event has to be clear to a newcomer.
 #[test]
 fn each_stage_is_named_for_what_happens() {
     let tour = play("named-stages", &tour(), &[], 140.0);
@@ -149,7 +149,7 @@ const HEAD: &str = "jetlink rig script, version 0.1.0\n";
 const PAIR: &str =
     "engine name=left,ecu=amt,engine=olympus,baud=115200\nengine name=right,ecu=zk,version=5\n";
 
-/// What the rig plays without options.
+/// The rig's run without options.
 fn tour() -> String {
     format!("{HEAD}silence\n")
 }
@@ -233,7 +233,7 @@ fn at_80_by_24_there_is_a_row_for_each_of_eight_engines() {
     assert!(events == 17 && lines[18..23].iter().all(|line| line.contains("a-name-of-")), "{screen}");
 }
 
-/// The work of a second of engine time is counted, whatever this computer is doing: docs/rig.md has what it takes.
+/// The work of a second of engine time is counted, whatever else this computer does: docs/rig.md states it.
 #[test]
 fn eight_engines_at_100_hz_take_little_work() {
     let engines: String =
@@ -310,7 +310,7 @@ fn long_texts_fit_their_panels() {
     }
 }
 
-/// What each engine's source is and what holds its demand, beside all else.
+/// Each engine's source and the reason for holding its demand, besides everything else.
 #[test]
 fn at_80_columns_the_table_names_the_source() {
     for (keys, end, name, expected) in [
@@ -343,7 +343,7 @@ fn the_smallest_screen_has_a_panel_with_all_of_its_texts() {
         assert!(screen.lines().skip(7).any(|line| line.contains(what)), "{what}: {screen}");
     }
     assert!(screen.lines().skip(7).any(|line| line.contains("armed")), "{screen}");
-    // A column that has no room is not there.
+    // A column without room is left out.
     let table: Vec<&str> = screen.lines().skip(2).take(2).collect();
     assert!(table[0].ends_with("  sent") && table[1].ends_with("100.0 %"), "{screen}");
 }
@@ -440,7 +440,7 @@ fn colours_are_by_state_and_can_be_left_out() {
     assert!(reversed);
 }
 
-/// What is wrong or needs attention is marked where there are no colours, and only there.
+/// Faults and values that need attention are marked only if there are no colours.
 #[test]
 fn without_colours_a_mark_shows_what_is_wrong() {
     for (name, key, marks) in [("quiet", '?', 0), ("held", 's', 2), ("stopped", ' ', 2)] {
@@ -476,7 +476,7 @@ fn a_mark_only_follows_a_value_that_is_there() {
     }
 }
 
-/// What was last seen of a line that is dead is not what is on it.
+/// The last frame on a lost line is not shown as present.
 #[test]
 fn the_reply_window_of_a_silent_ecu_is_empty() {
     let keys = [(50.0, char('v')), (50.1, char('f')), (50.2, char('c')), (50.3, press(KeyCode::Esc))];
@@ -516,7 +516,7 @@ fn no_rate_of_frames_is_shown_before_it_is_known() {
     assert_eq!(seen, ["up", "up 8/s"]);
 }
 
-/// From the moment on when newer ones were to be expected, until they are not shown any more.
+/// From the time when newer ones were due until they are no longer shown.
 #[test]
 fn values_that_are_not_new_are_grey() {
     let cut = [(50.0, char('f')), (50.1, char('c'))];

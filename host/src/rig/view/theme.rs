@@ -1,22 +1,22 @@
-//! Colours and characters, by what the terminal can show.
+//! Colours and characters, by the terminal's capabilities.
 
 use super::super::fit::{ascii, elided};
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::symbols;
 
-/// What the terminal can show.
+/// Capabilities of the terminal.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Theme {
-    /// The sixteen colours; without, bold and reversed text has to do.
+    /// The sixteen colours; without them, bold and reversed text.
     pub colours: bool,
     /// ASCII only.
     pub ascii: bool,
 }
 
-/// Behind a value that is old, where there are no colours.
+/// Mark after an old value, without colours.
 pub const OLD: char = '?';
 
-/// What a text is about, which gives its colour.
+/// Meaning of a text, which determines its colour.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Tone {
     /// As it should be: runs, up.
@@ -33,12 +33,12 @@ pub enum Tone {
     Head,
     /// Plain text.
     Plain,
-    /// What is selected.
+    /// Selected text.
     Selected,
 }
 
 impl Theme {
-    /// By the environment, as `NO_COLOR`, `TERM` and the locale say.
+    /// From the environment: `NO_COLOR`, `TERM` and the locale.
     pub fn of(ascii: bool, variable: impl Fn(&str) -> Option<String>) -> Self {
         let set = |name: &str| variable(name).filter(|value| !value.is_empty());
         let term = set("TERM").unwrap_or_default();
@@ -78,7 +78,7 @@ impl Theme {
         }
     }
 
-    /// What follows a text where no colour shows what it is about: that it needs attention, or that a value is old.
+    /// Mark after a text without colours: it needs attention, or its value is old.
     pub const fn sign(self, tone: Tone) -> Option<char> {
         match tone {
             _ if self.colours => None,
@@ -114,7 +114,7 @@ impl Theme {
         ascii(text)
     }
 
-    /// Marks that something is left out.
+    /// Mark for text that is left out.
     pub const fn mark(self) -> char {
         if self.ascii { '~' } else { '…' }
     }

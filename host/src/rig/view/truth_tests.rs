@@ -1,4 +1,4 @@
-//! What the screen says of a cut wire, a stop and a run that is over, drawn into memory as in `tests`.
+//! The screen with a cut wire, a stop and an ended run, drawn into memory as in `tests`.
 
 use super::model::Page;
 use super::tests::{COLOUR, Played, buffer, char, pair, play, text};
@@ -32,7 +32,7 @@ fn a_frame_on_a_cut_wire_is_not_delivered() {
     assert!(of_node("") > 5 && of_node("(not delivered: the wire is cut)") == of_node(""), "{lost}");
 }
 
-/// The summary and the panel count what the node cannot know.
+/// The summary and the panel count events that the node cannot know.
 #[test]
 fn the_panel_counts_windows_that_the_ecu_missed() {
     for (played, any) in [(cut(50.0, 53.0, "missed-cut"), true), (pair(53.0, &[], "missed-whole"), false)] {
@@ -61,7 +61,7 @@ fn the_story_says_what_was_broken_by_hand() {
     assert_ne!(story(&pair(8.0, &mended, "story-mended")), expected);
 }
 
-/// Its ECU obeys run, and that the run is over does not reach it.
+/// Its ECU obeys run, and the end of the run does not reach it.
 #[test]
 fn an_engine_whose_run_is_over_is_not_said_to_wait_for_its_start() {
     let mut requested = 0;

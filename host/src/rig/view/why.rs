@@ -1,4 +1,4 @@
-//! Why the selected engine does what it does: the conditions of a start, what holds the demand below the command, and the outputs.
+//! Reasons for the selected engine's state: the conditions of a start, what holds the demand below the command, and the outputs.
 
 use super::super::conditions;
 use super::super::fit::wrapped;
@@ -25,7 +25,7 @@ pub fn draw(model: &Model, theme: Theme, frame: &mut Frame<'_>, area: Rect) {
     frame.render_widget(block, area);
     let (width, height) = (usize::from(inside.width), usize::from(inside.height));
     let mut lines = lines(model, theme, width, Met::Listed);
-    // On a low screen all of the text is worth more than the space between, and than what is met.
+    // On a low screen, complete text takes precedence over empty lines and conditions that are met.
     if lines.len() > height {
         lines.retain(|line| line.width() > 0);
     }

@@ -1,4 +1,4 @@
-//! What is on the wire of the selected engine: the last frames both ways, and the reply window of an AMT ECU.
+//! The wire of the selected engine: the last frames both ways, and the reply window of an AMT ECU.
 
 use super::super::fit::wrapped;
 use super::super::frames::{Arrival, Frame as WireFrame, last_window};
@@ -18,7 +18,7 @@ const INDENT: usize = 24;
 /// Reply window of an AMT ECU.
 const WINDOW: Nanos = 30 * MILLIS;
 
-/// Of a frame of which no byte arrived.
+/// Text for a frame of which no byte arrived.
 const NOT_DELIVERED: &str = "not delivered: the wire is cut";
 
 /// Timeout after which an ECU is silent, in seconds since its last frame.

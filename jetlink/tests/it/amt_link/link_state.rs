@@ -45,8 +45,8 @@ fn two_frames_far_apart_are_not_consecutive() {
     assert_eq!(bench.machine.status().state, LinkState::Up);
 }
 
-/// AMT-1: a frame with a line error is answered, but is no sign of an ECU: it neither brings the link up nor keeps
-/// it up.
+/// AMT-1: a frame with a line error is answered, but does not prove an ECU: it neither brings the link up nor
+/// keeps it up.
 #[test]
 fn amt_1_damaged_frames_do_not_keep_the_link_up() {
     let frame = normal(CLEARANCE, AUTO_STOP, 0);
@@ -84,7 +84,7 @@ fn amt_1_damaged_frames_do_not_keep_the_link_up() {
     assert_eq!(bench.machine.status().state, LinkState::Up);
 }
 
-/// An ECU that was never received is also lost once.
+/// An ECU that was never received is also reported lost once.
 #[test]
 fn an_ecu_that_was_never_received_is_lost_once() {
     let mut bench = default();

@@ -130,7 +130,7 @@ fn run_at(tenths: u16) -> Command {
     Command::Run(Demand::Throttle(Throttle::from_tenths(tenths).unwrap()))
 }
 
-/// Ordered to start by a person who commanded this throttle right behind it.
+/// Ordered to start by a person who commanded this throttle right after it.
 fn started(config: Config, tenths: u16) -> Bench<BenchEngine> {
     let mut bench = engine_after(config, Some(RetainedState::new(Order::Standby, Origin::Rc)));
     for _ in 0..16 {
@@ -143,7 +143,7 @@ fn started(config: Config, tenths: u16) -> Bench<BenchEngine> {
     bench
 }
 
-/// A frame with its source still fresh, and what is answered.
+/// A frame while its source is fresh, and its reply.
 fn flown(bench: &mut Bench<BenchEngine>, tenths: u16, frame: &[u8]) -> Option<(u8, u8)> {
     let _ = command(bench, run_at(tenths));
     answer(bench, frame)

@@ -20,8 +20,8 @@ fn amt_10_each_order_has_its_switch_on_the_wire() {
     }
 }
 
-/// While nothing is in force, and while the life of the engine is in doubt, no frame of whatever kind gets a reply: what is
-/// not answered is not started. It counts as no missed reply.
+/// While nothing is in force, and while the life of the engine is in doubt, no frame of any kind gets a reply: an ECU
+/// without replies does not start. It does not count as a missed reply.
 #[test]
 fn without_an_order_and_in_doubt_no_frame_is_answered() {
     let demand = Demand::Throttle(Throttle::FULL);
@@ -44,7 +44,7 @@ fn without_an_order_and_in_doubt_no_frame_is_answered() {
             assert_eq!(answer(&mut bench, &normal(FULL_OPERATION, RUN, 100)), None);
             let counters = bench.machine.status().counters;
             assert_eq!((counters.frames, counters.sent, counters.replies_missed), (256, 0, 0));
-            // Beside the orders that are answered.
+            // The control: orders that are answered.
             for (order, expected) in
                 [(Order::EmergencyStop, STOP_OPS), (Order::Standby, AUTO_OPS), (throttle(0), RUN_OPS)]
             {
@@ -56,7 +56,7 @@ fn without_an_order_and_in_doubt_no_frame_is_answered() {
 }
 
 /// With no order in force an engine that two sets report running, with its shaft turning, continues at the throttle on which
-/// they agree. The switch that the ECU reports it obeys starts nothing.
+/// they agree. The switch that the ECU reports does not start anything.
 #[test]
 fn an_engine_found_running_resumes_at_its_own_throttle() {
     let at = |frame: [u8; 6], half_percents: u8| {
@@ -72,19 +72,19 @@ fn an_engine_found_running_resumes_at_its_own_throttle() {
         assert_eq!(answer(&mut bench, &running), None);
         assert_eq!(answer(&mut bench, &running), Some((RUN_OPS, half_percents)));
     }
-    // Sets in a row, and what goes out behind each of them.
+    // Consecutive sets, and the reply to each.
     let standby = Some((AUTO_OPS, 0));
     for (frames, replies) in [
-        // Damaged, it reports nothing.
+        // A damaged set reports nothing.
         (vec![(true, at(normal(FULL_OPERATION, RUN, 100), 80)); 4], vec![None; 4]),
         // An engine at rest is put to standby, whatever its switch is.
         (vec![(false, at(normal(CLEARANCE, RUN, 0), 80)); 2], vec![None, standby]),
         (vec![(false, at(normal(NO_CLEARANCE, RUN, 0), 80)); 2], vec![None, standby]),
         (vec![(false, at(normal(STARTING, RUN, 10), 80)); 2], vec![None, standby]),
-        // A shaft below half of idle is no running engine.
+        // With a shaft below half of idle the engine does not run.
         (vec![(false, at(normal(FULL_OPERATION, RUN, 19), 80)); 4], vec![None; 4]),
         (vec![(false, at(normal(FULL_OPERATION, RUN, 20), 80)); 2], vec![None, Some((RUN_OPS, 80))]),
-        // Faults alone report nothing of an engine of which nothing is known.
+        // Faults alone report nothing about an unknown engine.
         (vec![(false, at(hot(error(0x01)), 80)); 4], vec![None; 4]),
         (vec![(false, alternate(0x06)); 4], vec![None; 4]),
     ] {
@@ -114,7 +114,7 @@ fn one_odd_set_withholds_one_reply() {
         assert_eq!(flown(&mut bench, 800, &good), Some((RUN_OPS, 160)));
         assert_eq!(flown(&mut bench, 800, &good), Some((RUN_OPS, 160)));
     }
-    // Beside two in a row, which end it.
+    // The control: two in a row end it.
     assert_eq!(flown(&mut bench, 800, &odd), None);
     assert_eq!(flown(&mut bench, 800, &odd), Some((AUTO_OPS, 0)));
     for _ in 0..20 {
@@ -132,7 +132,7 @@ fn an_amt_ecu_refuses_an_rpm() {
     assert_eq!(default().machine.speed_control(), Err(Rejected::NoSpeedControl));
 }
 
-/// An emergency stop is in the very next reply, also in one that waits behind a transmission.
+/// An emergency stop is in the very next reply, also in one that waits for a transmission to end.
 #[test]
 fn an_emergency_stop_is_in_the_next_reply() {
     let frame = normal(FULL_OPERATION, RUN, 100);
@@ -196,7 +196,7 @@ fn amt_13_only_the_service_command_sends_ctf() {
     assert_eq!(ops_thr(&mut bench, &frame).0, RUN_OPS, "nothing of it is left for the next start");
 }
 
-/// AMT-13: no order, no frame and no silence makes a CTF of itself.
+/// AMT-13: no order, frame or silence causes a CTF.
 #[test]
 fn amt_13_no_order_sends_ctf() {
     for order in [Order::Standby, Order::EmergencyStop, throttle(700)] {
@@ -257,7 +257,7 @@ fn amt_14_the_start_throttle_is_sent_until_full_operation() {
     }
 }
 
-/// After a start the demand rises at 50 %/s, and never jumps to where the stick is.
+/// After a start the demand rises at 50 %/s, and never jumps to the stick.
 #[test]
 fn the_demand_rises_at_its_rate_after_a_start() {
     let mut bench = started(Config::DEFAULT, 800);
@@ -280,8 +280,8 @@ fn the_demand_rises_at_its_rate_after_a_start() {
     assert_eq!(before, 160);
 }
 
-/// AMT-14: one odd set does not drop the throttle of a running engine. Where it reports at rest or starting again its reply is
-/// withheld, and two in a row end the run; idle calibration and "started up" in flight are neither.
+/// AMT-14: one odd set does not drop the throttle of a running engine. If it reports at rest or starting again, its reply is
+/// withheld, and two in a row end the run; idle calibration and "started up" in flight count as neither.
 #[test]
 fn amt_14_one_odd_frame_does_not_drop_the_throttle() {
     let good = hot(normal(FULL_OPERATION, RUN, 100));
@@ -326,8 +326,8 @@ fn amt_3_an_unknown_state_does_not_drop_the_throttle() {
     }
 }
 
-/// AMT-2: error and alternate sets and unknown kinds report nothing about the state, and drop no throttle of an engine whose
-/// exhaust burns. Faults with a cold exhaust end the run.
+/// AMT-2: error and alternate sets and unknown kinds report nothing about the state, and do not drop the throttle of an
+/// engine with a hot exhaust. Faults with a cold exhaust end the run.
 #[test]
 fn amt_2_other_sets_do_not_drop_the_throttle() {
     let mut bench = flying();
@@ -399,8 +399,8 @@ fn amt_12_a_gap_puts_the_life_in_doubt() {
     assert_eq!(answer(&mut bench, &own), Some((RUN_OPS, 90)));
 }
 
-/// The wire is cut in the middle of a set and mended in the middle of another one. With its state from before, the set that the two
-/// would make says running, whatever the ECU has done meanwhile, and is answered with run.
+/// The wire is cut in the middle of a set and mended in the middle of another one. With its state from before, a set joined from
+/// both would report running, whatever the ECU has done meanwhile, and be answered with run.
 #[test]
 fn bytes_from_before_a_pause_are_not_part_of_a_set_after_it() {
     let good = hot(normal(FULL_OPERATION, RUN, 100));
@@ -421,7 +421,7 @@ fn bytes_from_before_a_pause_are_not_part_of_a_set_after_it() {
     }
 }
 
-/// AMT-3: what each kind of set reports about the life of the engine.
+/// AMT-3: the observation from each kind of set about the life of the engine.
 #[test]
 fn each_set_gives_the_observation_of_its_state() {
     let state = |stage, rpm: u8| Observation::State {
@@ -471,7 +471,7 @@ fn each_set_gives_the_observation_of_its_state() {
     }
 }
 
-/// A gap begins 375 ms behind the last set, three of its intervals. Damaged sets prevent it, for 10 s; single bytes and a
+/// A gap begins 375 ms after the last set, three of its intervals. Damaged sets prevent it, for 10 s; single bytes and a
 /// steady babble do not.
 #[test]
 fn three_missing_sets_are_a_gap() {
@@ -505,7 +505,7 @@ fn three_missing_sets_are_a_gap() {
     assert!(gap(&bench).unwrap() < t + 500_000);
 }
 
-/// What an AMT ECU cannot do is refused, and what was ordered before stays on the wire.
+/// An order that an AMT ECU cannot follow is refused, and the previous one stays on the wire.
 #[test]
 fn refused_orders_change_nothing() {
     let frame = normal(FULL_OPERATION, RUN, 100);

@@ -1,4 +1,4 @@
-//! What holds whatever the schedule is.
+//! Properties of any schedule.
 
 use super::*;
 
@@ -17,9 +17,9 @@ fn step() -> impl Strategy<Value = Step> {
 }
 
 proptest! {
-    /// AMT-11: whatever comes whenever: never two replies at once (the bench checks it), each frame has a reply or
-    /// counts as missed, a reply is handed out in time to end within its window, an emergency stop comes before all
-    /// replies behind it, and silence yields "lost" exactly once.
+    /// AMT-11: in any schedule: never two replies at once (the bench checks it), each frame has a reply or counts
+    /// as missed, a reply is handed out in time to end within its window, an emergency stop precedes all later
+    /// replies, and silence yields "lost" exactly once.
     #[test]
     fn amt_11_in_any_schedule_each_frame_gets_at_most_one_reply_in_time(
         baud in prop::sample::select(&Line::BAUD_RATES[..]),
@@ -99,8 +99,8 @@ fn check_replies(bench: &mut Bench<AmtLink>, line: Line, stopped: bool) -> Resul
     Ok(())
 }
 
-/// AMT-14, AMT-8: continuing after a reset with an ECU that sends nothing but error sets does not dip its throttle, as long
-/// as its exhaust burns. The control: with a cold one nothing goes out.
+/// AMT-14, AMT-8: after a reset, with an ECU that sends only error sets, the throttle does not dip as long as the exhaust
+/// is hot. The control: with a cold one nothing is sent.
 #[test]
 fn amt_14_a_run_resumed_among_error_sets_keeps_the_throttle() {
     let reset = || engine_after(Config::DEFAULT, Some(RetainedState::new(throttle(640), Origin::Rc)));
@@ -112,12 +112,12 @@ fn amt_14_a_run_resumed_among_error_sets_keeps_the_throttle() {
     let mut bench = reset();
     let cold = [answer(&mut bench, &error(0x20)), answer(&mut bench, &error(0x20))];
     assert!(cold.iter().flatten().all(|(ops, _)| *ops != RUN_OPS), "{cold:?}");
-    // A state without a name with the shaft turning continues at once, and without it not.
+    // An unnamed state resumes at once if the shaft turns, and not otherwise.
     assert_eq!(answer(&mut reset(), &hot(normal(0b11111, RUN, 100))), Some((RUN_OPS, 128)));
     assert_eq!(answer(&mut reset(), &hot(normal(0b11111, RUN, 19))), None);
 }
 
-/// One odd set neither makes a fault of nothing nor another switch; two in a row do.
+/// One odd set causes neither a fault nor another switch; two in a row do.
 #[test]
 fn one_odd_set_changes_nothing() {
     for odd in [error(0x04), normal(FULL_OPERATION, AUTO_STOP, 100)] {

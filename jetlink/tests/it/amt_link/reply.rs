@@ -41,12 +41,12 @@ fn amt_11_nothing_is_sent_without_a_frame() {
     bench.run_to_us(20_000_000);
     assert_eq!(bench.frames(), []);
     assert_eq!(bench.machine.status().counters.replies_missed, 0);
-    // And with the rest of a frame it comes.
+    // The rest of a frame completes it, and the reply follows.
     bench.rx_at_us(20_000_000, &normal(FULL_OPERATION, RUN, 100)[1..]);
     assert_eq!(bench.frames(), [(20_000_000, control(STOP_OPS, 0).to_vec())]);
 }
 
-/// AMT-11: the last stop bit is out within 30 ms, less the guard, at every baud rate. At 2400 baud the first
+/// AMT-11: the last stop bit is sent within 30 ms, less the guard, at every baud rate. At 2400 baud the first
 /// start bit has 9.1 ms.
 #[test]
 fn amt_11_the_first_start_bit_leaves_time_for_the_last_stop_bit() {
@@ -81,7 +81,7 @@ fn amt_11_the_first_start_bit_leaves_time_for_the_last_stop_bit() {
     }
 }
 
-/// AMT-11: a frame that comes while a reply is still going out is answered behind it, if that is in time.
+/// AMT-11: a frame that comes while a reply is still going out is answered after it, if that is in time.
 #[test]
 fn amt_11_a_frame_during_a_transmission_is_answered_after_it() {
     let frame = normal(CLEARANCE, AUTO_STOP, 0);
@@ -129,7 +129,7 @@ fn amt_11_of_several_frames_during_a_transmission_the_last_is_answered() {
     assert_eq!((counters.frames, counters.sent, counters.replies_missed), (4, 2, 2));
 }
 
-/// AMT-11: what the UART did not send is counted, reported, and the next frame is answered.
+/// AMT-11: an unsent reply is counted and reported, and the next frame is answered.
 #[test]
 fn amt_11_a_reply_that_was_not_sent_is_counted_and_not_repeated() {
     for (why, write_timeouts, write_errors) in

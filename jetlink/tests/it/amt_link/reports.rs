@@ -1,4 +1,4 @@
-//! What is known of the ECU.
+//! Reports of the ECU.
 
 use super::*;
 
@@ -37,7 +37,7 @@ fn amt_5_amt_6_the_engine_sets_the_scales_of_rpm_and_voltages() {
     }
 }
 
-/// AMT-5: while the engine is not known there is no rpm, and when it changes to an open one the old rpm goes.
+/// AMT-5: while the engine is unknown there is no rpm, and when it changes to one without a scale the old rpm is dropped.
 #[test]
 fn amt_5_no_rpm_without_a_scale() {
     let frame = normal(FULL_OPERATION, RUN, 100);
@@ -89,7 +89,7 @@ fn amt_4_a_known_engine_changes_only_after_two_reports_of_another() {
         "no engine has this version"
     );
 
-    // An ID that no table has is another engine: what was known must not lend it a scale.
+    // An ID that is in no table is another engine: it must not inherit a scale.
     let mut bench = configured();
     reply_to(&mut bench, &alternate(0xF8));
     reply_to(&mut bench, &normal(FULL_OPERATION, RUN, 100));
@@ -171,8 +171,8 @@ fn amt_3_only_frames_that_agree_renew_the_phase() {
     assert_eq!((phase.value, phase.at), (Phase::Stopped, at_us(t)));
 }
 
-/// AMT-8: the faults are reported when they change, bit 7 included; one odd set is no fault, changes none
-/// and does not end one.
+/// AMT-8: the faults are reported when they change, bit 7 included; one odd set neither causes, changes nor
+/// ends a fault.
 #[test]
 fn amt_8_faults_are_reported_when_they_change() {
     let mut bench = default();
@@ -233,7 +233,7 @@ fn amt_2_sets_of_unknown_kinds_are_preserved_raw() {
     assert_eq!(bench.machine.status().report.unknown.unwrap().value.as_bytes(), unknown);
 }
 
-/// AMT-7: a throttle byte above 200 is no throttle.
+/// AMT-7: a throttle byte above 200 is invalid.
 #[test]
 fn amt_7_a_throttle_above_100_percent_is_ignored() {
     let mut bench = default();
@@ -243,7 +243,7 @@ fn amt_7_a_throttle_above_100_percent_is_ignored() {
     assert_eq!(bench.machine.status().report.throttle.unwrap().value, Throttle::FULL);
 }
 
-/// AMT-1: there is no checksum, so a fault that the UART saw costs a frame its values, and never its reply.
+/// AMT-1: there is no checksum, so a fault reported by the UART discards the values of a frame, but never its reply.
 #[test]
 fn amt_1_a_line_error_discards_the_values_but_not_the_reply() {
     let mut bench = running();
@@ -268,7 +268,7 @@ fn amt_9_a_line_error_before_the_setup_set_does_not_lose_it() {
     assert!(bench.event_kinds().contains(&Event::EcuStarted));
 }
 
-/// A byte that is lost with its fault damages the frame that it was in, and not the next: after noise the first set is taken.
+/// A lost byte with its fault damages only the frame that contained it: after noise the first set is accepted.
 #[test]
 fn amt_1_a_lost_byte_does_not_lose_the_next_set() {
     let mut bench = running();
@@ -290,7 +290,7 @@ fn amt_1_a_lost_byte_does_not_lose_the_next_set() {
     assert_eq!(bench.machine.status().report.rpm_raw.unwrap().value, 105);
 }
 
-/// A fault in a set that is cut off damages that one, and not the next.
+/// A fault in a set that is cut off damages only that set.
 #[test]
 fn amt_1_a_line_error_in_a_truncated_set_does_not_lose_the_next() {
     let mut bench = running();
@@ -299,14 +299,14 @@ fn amt_1_a_line_error_in_a_truncated_set_does_not_lose_the_next() {
     bench.receive(&[7]);
     assert_eq!(ops_thr(&mut bench, &normal(FULL_OPERATION, RUN, 101)), (RUN_OPS, 160));
     assert_eq!(bench.machine.status().report.rpm_raw.unwrap().value, 101);
-    // One that was seen since may be in the next.
+    // A fault noticed since may be in the next set.
     bench.receive(&[0xFF, 0x21]);
     bench.machine.line_error(LineError::Framing);
     assert_eq!(ops_thr(&mut bench, &normal(FULL_OPERATION, RUN, 102)), (RUN_OPS, 160));
     assert_eq!(bench.machine.status().report.rpm_raw.unwrap().value, 101);
 }
 
-/// Sets of which one byte had an error, whatever the reads were; the others count, and each is answered.
+/// Sets with an error in one byte, however the bytes were read; the others count, and each is answered.
 #[test]
 fn amt_1_a_line_error_discards_each_set_that_its_bytes_may_be_in() {
     let normal = normal(FULL_OPERATION, RUN, 100);
@@ -335,7 +335,7 @@ fn amt_1_a_line_error_discards_each_set_that_its_bytes_may_be_in() {
     }
 }
 
-/// AMT-1: frames cut off, texts without an end, noise and what the UART saw are counted.
+/// AMT-1: truncated frames, texts without an end, noise and UART faults are counted.
 #[test]
 fn amt_1_line_faults_are_counted() {
     let mut bench = default();

@@ -39,8 +39,8 @@ fn standby_of_a_lower_source_waits_after_an_order_was_abandoned() {
     }
 }
 
-/// An engine that comes back after its order was given up continues where the stages of loss are by then. With its source
-/// there it continues at what the ECU reports.
+/// An engine that returns after its order was given up continues where the stages of loss are by then. If its source is
+/// present, it continues at the throttle that the ECU reports.
 #[test]
 fn an_engine_that_returns_resumes_where_the_stages_of_loss_have_come() {
     // RC is lost at 0.5 s, the hold ends at 1.5 s, and 80 % have fallen by 3.1 s.

@@ -2,12 +2,12 @@
 
 use super::*;
 
-/// What becomes of the run.
+/// Fate of the run.
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum Run {
     /// It is answered with the demand.
     GoesOn,
-    /// The life is over.
+    /// The life has ended.
     Over,
 }
 
@@ -42,7 +42,7 @@ fn amt_8_an_exhaust_without_combustion_ends_a_life() {
     }
 }
 
-/// Two consecutive reports end a life: one odd set at a time between error sets does not, while the exhaust burns.
+/// Two consecutive reports end a life: one odd set at a time between error sets does not, while the exhaust is hot.
 #[test]
 fn amt_8_an_error_set_of_a_burning_engine_contradicts_a_report_of_rest() {
     let order = |sets: &[bool]| {
@@ -181,7 +181,7 @@ fn amt_8_lower_demands_do_not_excuse_a_cold_exhaust_for_ever() {
         let mut fly_to = |end: u64| {
             while scenario.now_us() < begin + end {
                 let now = scenario.now_us() - begin;
-                // As fast as an exhaust cools.
+                // At the rate at which an exhaust cools.
                 scenario.values.egt_celsius = 500 - (now / 10_000).min(400) as i32;
                 let _ = scenario.command(run(47 - (now / every) as u8 * 3));
                 scenario.pass_us(FRAME_PERIOD_US);
@@ -362,7 +362,7 @@ fn one_odd_report_of_starting_does_not_advance_a_start() {
     }
 }
 
-/// Every end says something of its own.
+/// Every end has its own text.
 #[test]
 fn each_end_of_a_run_has_its_name() {
     let ends = [
@@ -379,7 +379,7 @@ fn each_end_of_a_run_has_its_name() {
     assert!(names.iter().all(|name| name.len() > 10));
 }
 
-/// A source whose rpm waits for the ECU's version is there: its run continues, and the stages of loss do not begin.
+/// A source whose rpm waits for the ECU's version is present: its run continues, and the stages of loss do not begin.
 #[test]
 fn a_source_whose_rpm_waits_for_the_version_is_not_lost() {
     let config = Ecu::Zk.config();
@@ -418,7 +418,7 @@ fn amt_8_after_a_reset_an_unreadable_exhaust_shuts_down_no_engine() {
         let sent = after.sent();
         let expected = continues.map_or(Wire::Standby, Wire::Run);
         assert!(sent.len() > 100 && sent.iter().all(|wire| *wire == expected), "{name}: {:?}", sent.last());
-        // When no source commands any more, it ends: only a report of running confirms the life after a reset.
+        // When all sources are silent, it ends: only a report of running confirms the life after a reset.
         after.pass_us(SOURCE_TIMEOUT_US + HOLD_US + RUN_OUT_US + SECOND);
         assert_eq!(after.wire(), Wire::Standby, "{name}");
         // The control: a gap, after which the ECU may be another one.

@@ -1,8 +1,8 @@
-//! What a report means for the life that a run belongs to.
+//! Effect of reports on the life of an engine.
 
 use super::*;
 
-/// What a report means, given twice.
+/// Effect of a report, given twice.
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum Means {
     /// It fits, or reports nothing: the demand continues.
@@ -66,8 +66,8 @@ fn amt_3_each_state_affects_a_running_engine_as_documented() {
     }
 }
 
-/// The same of a ZK ECU: after a gap 13, and 2 to 5 at any shaft speed, end the life; without one 13 does neither, and 2 to 5 at speed
-/// are a doubt: the ECU may have restarted in less than a gap.
+/// The same of a ZK ECU: after a gap, 13, and 2 to 5 at any shaft speed, end the life; without one, 13 has no effect, and 2 to 5 at
+/// speed raise doubt: the ECU may have restarted in less than a gap.
 #[test]
 fn zk_each_state_affects_a_running_engine_as_documented() {
     use End::{AtRest, StartsAgain};
@@ -127,7 +127,7 @@ fn amt_sets_without_a_state_are_answered_as_the_set_before_them() {
     }
 }
 
-/// A gap of three expected frames is doubt, to the tick. What comes in time is none.
+/// A gap of three expected frames raises doubt, to the tick. A frame in time prevents it.
 #[test]
 fn three_missing_frames_raise_doubt() {
     for ecu in BOTH {
@@ -155,7 +155,7 @@ fn three_missing_frames_raise_doubt() {
     }
 }
 
-/// AMT-9: with the ECU's power-up a life is over at once, however far it was, and standby is in the reply to that set.
+/// AMT-9: the ECU's power-up ends a life at once, at any stage, and standby is in the reply to that set.
 #[test]
 fn amt_9_a_power_up_ends_a_life() {
     let setup = amt_frames::setup("9.35 140617 ");
@@ -187,7 +187,7 @@ fn amt_9_a_power_up_ends_a_life() {
     }
 }
 
-/// Until the first report of starting, rest fits, and a gap ends the start, to the tick. After it a gap is doubt.
+/// Until the first report of starting, rest fits, and a gap ends the start, to the tick. After it, a gap raises doubt.
 #[test]
 fn a_gap_ends_a_start_that_has_not_begun() {
     for ecu in BOTH {
@@ -254,7 +254,7 @@ fn an_earlier_stage_ends_a_start() {
     }
 }
 
-/// With a shaft that turns at half of idle an earlier stage is none of a new start, unless there was a gap.
+/// With a shaft at half of idle or more, an earlier stage does not mean a new start, unless there was a gap.
 #[test]
 fn an_earlier_stage_with_a_shaft_that_turns_ends_nothing() {
     for (ecu, far, earlier) in [(Ecu::Amt, 0b01000, 0b00010), (Ecu::Amt, 0b00100, 0b00010), (Ecu::Zk, 5, 3)] {
@@ -292,7 +292,7 @@ fn a_shaft_alone_neither_ends_nor_confirms() {
     assert_eq!((scenario.order(), ends(&mut scenario)), (Order::Standby, vec![End::AtRest]), "it helps");
 }
 
-/// An ECU that restarts the engine by itself (ZK 13) has the start's time for it, to the tick.
+/// An ECU that itself restarts the engine (ZK 13) has the time of a start for it, to the tick.
 #[test]
 fn zk_13_a_restart_by_the_ecu_has_the_time_of_a_start() {
     let config = Ecu::Zk.with(|s| s.start.timeout = Duration::from_secs(20));
@@ -341,7 +341,7 @@ fn a_demand_does_not_rise_in_doubt() {
 }
 
 /// ZK-9: in mode 3 the demand continues in doubt, as ID 7 alternating with ID 0: an ECU that restarted has forgotten ID 6 and
-/// ignores ID 7. ID 7 needs a version that is known (ZK-7): with the link that is lost. In mode 1 it is ID 0 alone.
+/// ignores ID 7. ID 7 needs a known version (ZK-7), which is lost with the link. In mode 1 only ID 0 is sent.
 #[test]
 fn zk_9_in_doubt_a_speed_alternates_with_id_0() {
     for (demand, by_rpm) in [(rpm(80_000), true), (percent(50), false)] {
@@ -371,7 +371,7 @@ fn zk_9_in_doubt_a_speed_alternates_with_id_0() {
 }
 
 /// A life that nothing confirms loses its order: AMT when no set was replied to for the ECU's serial delay time. ZK continues with
-/// ID 0 for as long as its source is fresh. If the ECU is back, however late, two reports with shaft speed bring the engine
+/// ID 0 for as long as its source is fresh. When the ECU returns, however late, two reports with shaft speed bring the engine
 /// back, unless standby or a stop was sent meanwhile.
 #[test]
 fn an_order_that_nothing_confirms_is_abandoned_without_a_shutdown() {
@@ -410,7 +410,7 @@ fn an_order_that_nothing_confirms_is_abandoned_without_a_shutdown() {
     }
 }
 
-/// In doubt a source that is fresh continues, and only its standby or a stop ends the run: they go out blind.
+/// In doubt a fresh source continues, and only its standby or a stop, sent blind, ends the run.
 #[test]
 fn in_doubt_only_standby_or_a_stop_ends_a_run() {
     for ecu in BOTH {
@@ -437,7 +437,7 @@ fn in_doubt_only_standby_or_a_stop_ends_a_run() {
     }
 }
 
-/// Runs at 50 %, and from then on no source commands: when the stages of loss have run out.
+/// Runs at 50 %, and then no source commands. Returns when the stages of loss have run out.
 fn loses_its_source(ecu: Ecu, standby_after: Option<u64>, present: bool) -> (Scenario, u64) {
     let config = ecu.with(|s| s.loss.standby_after = standby_after.map(micros));
     let scenario = Scenario::started_with(ecu, config, percent(50));
@@ -446,7 +446,7 @@ fn loses_its_source(ecu: Ecu, standby_after: Option<u64>, present: bool) -> (Sce
 }
 
 /// An order to run without a living engine ends in standby when the stages of loss have run out: 10 s into the fail-safe
-/// stage where standby is set to never. To the tick; a source that commands nothing is silent. A living one continues.
+/// stage if standby is set to never. To the tick; a source that commands nothing is silent. A living engine continues.
 #[test]
 fn an_order_without_a_living_engine_ends_when_the_stages_have_run_out() {
     for (ecu, received, standby_after, present) in [
@@ -471,7 +471,7 @@ fn an_order_without_a_living_engine_ends_when_the_stages_have_run_out() {
             scenario.fly_us(Command::Present, Origin::Rc, left);
         }
         scenario.run_to_us(end - 1);
-        // An AMT ECU that gets no reply has given up by then, and so has its order.
+        // An AMT ECU without a reply has given up by then, and its order has ended.
         let given_up = ecu == Ecu::Amt && received;
         let order = if given_up { Order::Listen } else { Order::Doubt(percent(0)) };
         assert_eq!(scenario.order(), order, "{name}");
@@ -511,7 +511,7 @@ fn abandoning_an_order_does_not_restart_the_stages_of_loss() {
     }
 }
 
-/// Damaged frames: of which ECU, and whether they pass for good ones but for the line error that the UART reports.
+/// Damaged frames: the ECU, and whether only the UART's line error distinguishes them from good ones.
 const DAMAGED: [(Ecu, bool); 3] = [(Ecu::Amt, true), (Ecu::Zk, false), (Ecu::Zk, true)];
 
 /// Damaged frames prevent a gap for 10 s after the last good one, and an AMT ECU still gets its replies. Then the gap begins, to the
@@ -554,7 +554,7 @@ fn damaged_frames_are_no_gap_for_10_s_at_most() {
     }
 }
 
-/// A start that fails behind damaged frames must not begin again on the same order: until the engine has reached running they
+/// A start that fails during damaged frames must not begin again on the same order: until the engine has reached running they
 /// prevent a gap for 3 s, which is longer than the 2 s of noise that a start must survive.
 #[test]
 fn damaged_frames_are_no_gap_for_3_s_at_most_in_a_start() {
@@ -586,7 +586,7 @@ fn damaged_frames_are_no_gap_for_3_s_at_most_in_a_start() {
 }
 
 /// Most of what is received in heavy noise are damaged frames, and one ZK frame in 256 of those has a right CRC. However many agree that
-/// the engine is at rest, too hot or of another version, they decide nothing; two good ones do.
+/// the engine is at rest, too hot or of another version, they have no effect; two good ones do.
 #[test]
 fn damaged_frames_with_a_right_crc_end_no_life() {
     for damaged in [true, false] {
@@ -632,7 +632,7 @@ fn disarm_ends_a_start_but_not_a_running_engine() {
     }
 }
 
-/// Two reports agree only if no gap is between them: another ECU may have been plugged in.
+/// Two reports agree only without a gap between them: another ECU may have been plugged in.
 #[test]
 fn a_gap_separates_reports_that_would_agree() {
     for ecu in BOTH {
@@ -661,8 +661,8 @@ fn a_gap_separates_reports_that_would_agree() {
     }
 }
 
-/// When an AMT engine whose order a gap took is found running, its source silent since before the gap: at which time since the last
-/// command its demand begins to fall, and standby goes out, s.
+/// An AMT engine whose order was given up in a gap is found running, its source silent since before the gap. Returns the times
+/// since the last command, in s, at which its demand begins to fall and standby is sent.
 fn silent_over_a_gap(hold: u64, gap: u64) -> (u64, u64) {
     let config = Ecu::Amt.with(|rules| {
         rules.loss.hold = Duration::from_secs(hold);
@@ -695,8 +695,8 @@ fn the_stages_of_loss_continue_over_a_gap_that_took_the_order() {
     }
 }
 
-/// A set without a state says nothing about an engine in doubt: it is answered like the last set that had a state. In start
-/// clearance with a shaft that coasts "run" would start the engine (AMT-3).
+/// A set without a state shows nothing about an engine in doubt: it is answered like the last set that had a state. In
+/// start clearance with a shaft that coasts "run" would start the engine (AMT-3).
 #[test]
 fn amt_a_set_without_a_state_is_answered_like_the_last_one_with_a_state() {
     let turning = 60;
@@ -723,8 +723,8 @@ fn amt_a_set_without_a_state_is_answered_like_the_last_one_with_a_state() {
     }
 }
 
-/// An ECU that loses its power for less than a gap in a start, and restarts the engine by itself (13), has reported a start: what
-/// it reports at rest afterwards ends the run. Before it has, rest still fits.
+/// An ECU that loses its power for less than a gap during a start, and itself restarts the engine (13), has reported a start: a
+/// later report of rest ends the run. Before that report, rest still fits.
 #[test]
 fn zk_a_restart_is_a_report_of_the_start() {
     for (states, expected) in [
@@ -732,7 +732,7 @@ fn zk_a_restart_is_a_report_of_the_start() {
         (&[13, 13, 1, 1], Order::Standby),
         (&[2, 13, 13, 13, 1, 13, 13], Order::Run(percent(0))),
         (&[1, 1, 1], Order::Run(percent(0))),
-        // One alone is odd.
+        // A single one is odd.
         (&[13, 1, 1], Order::Run(percent(0))),
     ] {
         let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());

@@ -61,7 +61,7 @@ fn receive(scenario: &mut Scenario, frame: &[u8]) {
     scenario.bench.receive(frame);
 }
 
-/// Runs at 50 % under RC; no frame and no event is left from before.
+/// Runs at 50 % under RC; earlier frames and events are dropped.
 fn flying(ecu: Ecu) -> Scenario {
     let mut scenario = Scenario::started(ecu, percent(50));
     scenario.sent();

@@ -1,4 +1,4 @@
-//! The retained record, field by field: what is in it in each situation, and what a second reset makes of it.
+//! The retained record, field by field: its contents in each situation, and after a second reset.
 
 use super::*;
 use crate::support::scenario::rpm;
@@ -54,7 +54,7 @@ fn how_the_switch_was_given_is_retained() {
     }
 }
 
-/// What is retained of a demand: the one in force. One that was lowered or not reached yet is retained as it is.
+/// The demand in force is retained, even if it was lowered or is not reached yet.
 #[test]
 fn the_demand_that_is_retained_is_the_one_in_force() {
     let table: [(&str, Step, Order); 3] = [
@@ -109,7 +109,7 @@ fn counts_without_an_order_continue_over_a_second_reset() {
             let before = silence(&last);
             let mut after = Scenario::after_reset(ecu, config, Some(last));
             after.silent().pass_us(SECOND);
-            // Anything makes it look at the time.
+            // Any input makes it read the time.
             after.bench.act(|engine, now| engine.other_failed(now, true));
             last = record(&after);
             let now = silence(&last);
@@ -147,7 +147,7 @@ fn the_silence_behind_an_order_that_was_given_up_is_retained() {
         } else {
             scenario.pass_us(6 * SECOND);
         }
-        // Anything makes it look at the time.
+        // Any input makes it read the time.
         scenario.bench.act(|engine, now| engine.other_failed(now, true));
         let now = record(&scenario);
         assert_eq!(now.order, Order::Listen);
@@ -173,7 +173,7 @@ fn counts_without_an_order_end_when_a_source_is_received() {
             if received {
                 let _ = after.command(run(50));
             }
-            // Anything makes it look at the time.
+            // Any input makes it read the time.
             after.bench.act(|engine, now| engine.other_failed(now, true));
             let now = record(&after);
             assert_eq!(now.resets, if received { 0 } else { 3 }, "{ecu:?}");

@@ -1,4 +1,4 @@
-//! What continues over a reset.
+//! State that continues over a reset.
 
 use super::*;
 use jetlink::link::LinkRecord;
@@ -7,7 +7,7 @@ fn retained(order: Order) -> RetainedState {
     RetainedState::new(order, Origin::Rc).with(|state| state.armed = true)
 }
 
-/// What a record leaves after a loss of power, and of another engine: nothing that could start or raise.
+/// A record after a loss of power, or of another engine: nothing of it starts or raises an engine.
 #[test]
 fn a_record_after_a_loss_of_power_starts_and_raises_nothing() {
     for ecu in BOTH {
@@ -51,7 +51,7 @@ fn a_record_after_a_loss_of_power_starts_and_raises_nothing() {
     }
 }
 
-/// An engine begins once: a second runner does not put a run in doubt, as a reset does, the control.
+/// An engine begins once: a second runner does not put a run in doubt. The control: a reset does.
 #[test]
 fn a_second_start_changes_nothing() {
     for ecu in BOTH {
@@ -72,7 +72,7 @@ fn a_second_start_changes_nothing() {
     }
 }
 
-/// Where nothing is in force two reports decide: which ones mean an engine that runs, and which one that does not.
+/// While no order is in force, two reports decide: which show a running engine, and which do not.
 #[test]
 fn two_reports_decide_while_no_order_is_in_force() {
     let runs = Order::Run(percent(65));
@@ -81,12 +81,12 @@ fn two_reports_decide_while_no_order_is_in_force() {
     let table = [
         (Ecu::Amt, 0b01100, TURNING, runs),
         (Ecu::Amt, 0b01100, SLOW, Order::Listen),
-        // Any other state with a shaft that turns is answered.
-        // A shaft that coasts beside a cleared start says neither.
+        // Any other state with a shaft that turns is answered. A coasting shaft with a cleared start shows
+        // neither.
         (Ecu::Amt, 0b00001, TURNING, Order::Listen),
         // A start continues as one: no demand before it runs.
         (Ecu::Amt, 0b00010, TURNING, Order::Run(percent(0))),
-        // These may also be one.
+        // These may also be a start.
         (Ecu::Amt, 0b00100, TURNING, held),
         (Ecu::Amt, 0b01000, TURNING, held),
         (Ecu::Amt, 0b11111, TURNING, held),
@@ -123,7 +123,7 @@ fn two_reports_decide_while_no_order_is_in_force() {
 }
 
 /// A ZK ECU reports its throttle in frames of their own. An engine that is found running resumes at the lower of the last two, so that
-/// one odd report neither raises its demand nor is the only one.
+/// one odd report does not raise its demand.
 #[test]
 fn one_odd_throttle_does_not_raise_the_demand_of_an_engine_that_is_found() {
     for (throttles, resumed) in [
@@ -155,7 +155,7 @@ fn one_odd_throttle_does_not_raise_the_demand_of_an_engine_that_is_found() {
 }
 
 /// AMT-8: after a loss of power an ECU with error sets and a burning exhaust is answered run at its own demand, under the
-/// stages of loss, where the record says that the engine ran; else not.
+/// stages of loss, only if the record shows that the engine ran.
 #[test]
 fn amt_8_after_a_loss_of_power_a_burning_engine_that_ran_resumes() {
     for (ran, egt, continues) in
@@ -183,8 +183,8 @@ fn amt_8_after_a_loss_of_power_a_burning_engine_that_ran_resumes() {
     }
 }
 
-/// AMT-8: an exhaust that burned after the reset may fall, as it does after an acceleration: the replies continue. One that falls as
-/// fast as without a flame ends them.
+/// AMT-8: an exhaust that burned after the reset may fall, as it does after an acceleration: the replies continue. A fall as fast as
+/// without a flame ends them.
 #[test]
 fn amt_8_after_a_reset_a_slow_fall_of_a_burning_exhaust_costs_no_reply() {
     for with_record in [true, false] {
@@ -214,7 +214,7 @@ fn amt_8_after_a_reset_a_slow_fall_of_a_burning_exhaust_costs_no_reply() {
     }
 }
 
-/// That an engine ran is kept until standby, a stop or the end of its life.
+/// The record shows that an engine ran until standby, a stop or the end of its life.
 #[test]
 fn the_record_shows_whether_the_engine_ran() {
     let table: [(&str, Step, bool); 6] = [
@@ -318,7 +318,7 @@ fn reset_loop_of_any_period_does_not_hold_a_demand() {
             assert_eq!(scenario.order(), Order::Standby, "{ecu:?} {period}");
             // The control: the source commands after each reset, as soon as the engine is confirmed.
             let mut scenario = flying(ecu);
-            // What is retained is what has gone out.
+            // The demand that was sent is retained.
             scenario.fly_us(run(50), Origin::Rc, 4 * FRAME_PERIOD_US);
             for _ in 0..20 {
                 scenario = scenario.reset(ecu.config());
@@ -386,7 +386,8 @@ fn zk_8_an_engine_that_was_handed_over_and_never_ran_has_not_failed() {
     }
 }
 
-/// What a record holds of a demand is what went out of it. The first command of its source after a reset is no move of the stick.
+/// A record contains the demand that was sent. The first command of its source after a reset does not count as a move of the
+/// stick.
 #[test]
 fn the_first_demand_after_a_reset_rises_at_the_rate() {
     for ecu in BOTH {
@@ -411,7 +412,7 @@ fn the_first_demand_after_a_reset_rises_at_the_rate() {
     }
 }
 
-/// "Disarm ends a start that has not reached running, in doubt or not": also where it comes before the engine's task begins.
+/// "Disarm ends a start that has not reached running, in doubt or not": also if it comes before the engine's task begins.
 #[test]
 fn a_disarm_before_the_engine_begins_ends_an_interrupted_start() {
     let config = Ecu::Amt.config();
@@ -438,8 +439,7 @@ fn a_disarm_before_the_engine_begins_ends_an_interrupted_start() {
     }
 }
 
-/// A start that a reset cut short continues where it was: rest is not expected in it any more, as it is right after the order, and a gap
-/// puts it in doubt.
+/// A start found after a reset continues where it was: unlike right after the order, rest no longer fits, and a gap puts it in doubt.
 #[test]
 fn amt_a_start_found_after_a_reset_is_under_way() {
     let config = Ecu::Amt.config();
@@ -456,7 +456,7 @@ fn amt_a_start_found_after_a_reset_is_under_way() {
             receive(&mut scenario, &starting);
         }
         let mut scenario = scenario.reset(config);
-        // Two sets find it. None has advanced it since.
+        // Two sets find it. No set has advanced it since.
         for _ in 0..2 {
             receive(&mut scenario, &starting);
         }
@@ -495,7 +495,7 @@ fn a_gap_separates_the_reports_that_find_an_engine() {
     }
 }
 
-/// Silence from before a brown-out counts: all sources are silent for the time to standby once, and not once more.
+/// Silence from before a brown-out counts: the time to standby does not begin again.
 #[test]
 fn silence_before_a_brown_out_counts_towards_standby() {
     for ecu in BOTH {
@@ -517,7 +517,7 @@ fn silence_before_a_brown_out_counts_towards_standby() {
     }
 }
 
-/// An engine that is found running after a brown-out is lowered by what the stages of loss have come to by then.
+/// An engine that is found running after a brown-out is lowered to where the stages of loss have come by then.
 #[test]
 fn silence_before_a_brown_out_lowers_the_engine_that_is_found() {
     for ecu in BOTH {
@@ -541,7 +541,7 @@ fn silence_before_a_brown_out_lowers_the_engine_that_is_found() {
     }
 }
 
-/// A source that waits to take over is received: resets that each cut its wait short end no engine. Without it, they do.
+/// A source that waits to take over is received: resets that interrupt its wait do not end a run. Without it, they do.
 #[test]
 fn resets_while_a_source_waits_to_take_over_end_no_run() {
     for ecu in BOTH {

@@ -1,4 +1,4 @@
-//! What takes two commands of standby, and what a source that is present means.
+//! When standby takes two commands, and the meaning of a source that is present.
 
 use super::*;
 
@@ -61,7 +61,7 @@ fn an_explicit_shutdown_counts_at_once_from_any_source() {
             scenario.fly_us(run(0), Origin::Rc, 5 * SECOND);
             assert_eq!(scenario.wire(), Wire::Standby);
         }
-        // Not instead of a stop; also of an engine of which nothing is known yet.
+        // Not in place of a stop; also for an engine about which nothing is known yet.
         let mut scenario = flying(ecu);
         scenario.command(Command::EmergencyStop).unwrap();
         assert_eq!(scenario.command(Command::ShutDown), Err(Rejected::StopLatched));
@@ -73,7 +73,7 @@ fn an_explicit_shutdown_counts_at_once_from_any_source() {
 }
 
 /// A lower source that streams standby ends a run that another began only when the fail-safe stage has lasted its time, to
-/// the tick; not when the other comes back before.
+/// the tick; not if the other source returns before.
 #[test]
 fn standby_of_a_lower_source_waits() {
     for ecu in BOTH {
@@ -114,8 +114,8 @@ fn standby_of_a_lower_source_waits() {
     }
 }
 
-/// The same source that comes back within the time set continues without a take-over, at the rate of a rise; to the tick. Only
-/// one that was steady before.
+/// A source that returns within the set time continues without a take-over, at the rate of a rise, to the tick. This applies
+/// only to one that was steady before.
 #[test]
 fn a_short_gap_is_no_loss() {
     for ecu in BOTH {
@@ -143,7 +143,7 @@ fn a_short_gap_is_no_loss() {
             let after = scenario.tenths();
             let expected = if continues { 800.min(before + 250) } else { before };
             assert!(after <= expected && (!continues || after + 10 >= expected), "{ecu:?} {before} {after}");
-            // A second gap soon after the first is none of a steady stream.
+            // A second gap soon after the first: the stream was not steady.
             if continues {
                 scenario.pass_us(SOURCE_TIMEOUT_US);
                 assert_eq!(scenario.command(run(80)), Ok(Accepted::Held), "{ecu:?}");
@@ -165,7 +165,7 @@ fn a_source_that_is_present_counts_as_silent() {
         scenario.fly_us(Command::Present, Origin::Rc, 100 * SECOND);
         assert_eq!(stages(&mut scenario), [(from, LossStage::Hold), (from + HOLD_US, LossStage::FailSafe)]);
         assert_eq!(scenario.wire(), Wire::Run(0), "{ecu:?}: never standby");
-        // Another takes over from it as from one that is silent, and is not behind it.
+        // Another source takes over from it as from a silent one.
         let mut scenario = flying(ecu);
         for _ in 0..40 {
             scenario.command(Command::Present).unwrap();
@@ -189,7 +189,7 @@ fn a_source_that_is_present_counts_as_silent() {
             );
             assert_eq!(scenario.bench.event_kinds(), []);
         }
-        // It is silence also where nothing is in force yet: standby follows when the stages of loss have run out.
+        // It also counts as silent when nothing is in force yet: standby follows when the stages of loss have run out.
         let mut scenario = Scenario::nothing_received(ecu, ecu.config());
         assert_eq!(scenario.command(run(0)), Err(Rejected::Listening));
         scenario.pass_us(COMMAND_PERIOD_US);
@@ -197,7 +197,7 @@ fn a_source_that_is_present_counts_as_silent() {
         assert_eq!(scenario.order(), Order::Listen, "{ecu:?}");
         scenario.pass_us(1);
         assert_eq!(scenario.order(), Order::Standby, "{ecu:?}");
-        // It is no standby: no start follows it.
+        // It is not a standby: it does not permit a start.
         let mut scenario = Scenario::with(ecu, ecu.config());
         scenario.reports(Reports::Standby).pass_us(2 * SECOND);
         scenario.command(Command::Arm).unwrap();

@@ -1,4 +1,4 @@
-//! Faults in a start.
+//! Faults during a start.
 
 use super::*;
 
@@ -64,7 +64,7 @@ fn amt_a_start_that_a_reset_cut_short_resumes_as_a_start() {
     }
 }
 
-/// A start is ended by one command of its source, also where that has been silent for longer than its timeout.
+/// A start is ended by one command of its source, even if it has been silent for longer than its timeout.
 #[test]
 fn one_standby_of_a_source_that_was_lost_ends_a_start() {
     for ecu in BOTH {
@@ -80,7 +80,7 @@ fn one_standby_of_a_source_that_was_lost_ends_a_start() {
             let _ = scenario.command_from(Command::Standby, origin);
             assert_eq!(scenario.order() == Order::Standby, ended, "{ecu:?} {reports:?} {origin:?}");
         }
-        // Below a source that is there it changes nothing.
+        // Below a source that is present it has no effect.
         let mut scenario = Scenario::ready(ecu, ecu.config());
         scenario.command(run(0)).unwrap();
         scenario.reports(Reports::Starting);

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// Any refusal uses the permission up: when its reason is gone, the same stream of run starts nothing. Standby does.
+/// Any refusal uses up the permission: when its reason is gone, the same stream of run starts nothing. Standby does.
 #[test]
 fn a_refused_start_does_not_happen_later() {
     let table: [(&str, Step, Interlock, Step); 6] = [
@@ -56,7 +56,7 @@ fn a_refused_start_does_not_happen_later() {
     }
 }
 
-/// What uses a permission up, and what does not.
+/// Events that use up a permission, and events that do not.
 #[test]
 fn a_permission_is_used_up_as_documented() {
     let table: [(&str, Step, bool); 10] = [
@@ -165,7 +165,7 @@ fn a_permission_is_used_once() {
     }
 }
 
-/// It is the source's own: standby of one and run of another are no start.
+/// It is the source's own: standby of one and run of another do not start the engine.
 #[test]
 fn a_permission_belongs_to_one_source() {
     for ecu in BOTH {

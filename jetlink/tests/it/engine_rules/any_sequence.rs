@@ -1,4 +1,4 @@
-//! What holds in any sequence.
+//! Properties of any sequence.
 
 use super::*;
 
@@ -66,8 +66,8 @@ fn no_sequence_of_inputs_panics() {
     }
 }
 
-/// Nothing is due without a wake that the engine has set: an engine that is woken then does the same as one that is
-/// looked at every 5 ms.
+/// Nothing is due without a wake that the engine has set: an engine woken at its wakes does the same as one polled
+/// every 5 ms.
 #[test]
 fn nothing_is_due_before_the_next_wake() {
     let mut state = 0x0DDB_1A5E_5BAD_5EED_u64;

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// MAVLink commands 100 %, and the first throttle that goes out is below 20 %.
+/// MAVLink commands 100 %, and the first throttle sent is below 20 %.
 fn mavlink_takes_over_from_a_low_throttle(scenario: &mut Scenario) {
     scenario.bench.frames();
     let first = (0..100).find_map(|_| {
@@ -12,8 +12,8 @@ fn mavlink_takes_over_from_a_low_throttle(scenario: &mut Scenario) {
     assert!(first.is_some_and(|tenths| tenths < 200), "the first throttle that went out: {first:?}");
 }
 
-/// "After a ... take-over ... the demand rises at a set rate": from an rpm to a throttle, of an ECU that has not given its
-/// throttle.
+/// "After a ... take-over ... the demand rises at a set rate": from an rpm to a throttle, with an ECU that has not
+/// reported its throttle.
 #[test]
 fn a_throttle_that_takes_over_from_an_rpm_rises_at_the_rate() {
     let mut scenario = Scenario::started(Ecu::Zk, rpm(20_000));
@@ -23,7 +23,7 @@ fn a_throttle_that_takes_over_from_an_rpm_rises_at_the_rate() {
     mavlink_takes_over_from_a_low_throttle(&mut scenario);
 }
 
-/// The same, where the throttle that the ECU gave is minutes old.
+/// The same, with a reported throttle that is minutes old.
 #[test]
 fn a_throttle_that_takes_over_from_an_rpm_does_not_trust_an_old_report() {
     let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
@@ -37,7 +37,7 @@ fn a_throttle_that_takes_over_from_an_rpm_does_not_trust_an_old_report() {
     mavlink_takes_over_from_a_low_throttle(&mut scenario);
 }
 
-/// Streams a command until then, while the transmitter sends, or hangs.
+/// Streams a command until `end_us`, while the transmitter sends or hangs.
 fn command_until(scenario: &mut Scenario, command: Command, end_us: u64, sends: bool) {
     while scenario.now_us() < end_us {
         let _ = scenario.command(command);
@@ -51,7 +51,7 @@ fn command_until(scenario: &mut Scenario, command: Command, end_us: u64, sends: 
     }
 }
 
-/// "After a gap the demand rises at a set rate": a gap is also what a transmitter that hangs leaves on the wire.
+/// "After a gap the demand rises at a set rate": a hung transmitter also leaves a gap on the wire.
 #[test]
 fn a_demand_does_not_jump_after_a_transmitter_that_hung() {
     for ecu in BOTH {
@@ -70,7 +70,7 @@ fn a_demand_does_not_jump_after_a_transmitter_that_hung() {
     }
 }
 
-/// The same when the other kind of demand was sent last: it continues from what the ECU reports, not from where it would be by now.
+/// The same when the other kind of demand was sent last: it continues from the ECU's report, not from where it would be by now.
 #[test]
 fn a_demand_of_another_kind_does_not_jump_after_a_transmitter_that_hung() {
     for (before, after) in [(rpm(100_000), percent(75)), (percent(25), rpm(120_000))] {
@@ -93,8 +93,8 @@ fn a_demand_of_another_kind_does_not_jump_after_a_transmitter_that_hung() {
     }
 }
 
-/// "After a ... gap the demand rises at a set rate": also one that was commanded before the gap began and that no frame carried any
-/// more. Without a gap it goes out at once.
+/// "After a ... gap the demand rises at a set rate": also one commanded before the gap began that no frame has carried. Without a
+/// gap it is sent at once.
 #[test]
 fn amt_a_demand_that_no_reply_carried_before_a_gap_does_not_jump_after_it() {
     for (pause, highest) in [(200_000, 900), (400_000, 260)] {
@@ -112,8 +112,8 @@ fn amt_a_demand_that_no_reply_carried_before_a_gap_does_not_jump_after_it() {
     }
 }
 
-/// After a take-over that changes the kind of the demand the throttle rises at its rate also where the stick moved on before any
-/// throttle was sent. Once one was sent, the source in control moves it as it likes: the control.
+/// After a take-over that changes the kind of the demand the throttle rises at its rate even if the stick moved before any
+/// throttle was sent. The control: once one was sent, the source in control moves it freely.
 #[test]
 fn a_demand_of_another_kind_does_not_jump_before_it_was_sent() {
     let mut unsent = 0;
@@ -134,14 +134,14 @@ fn a_demand_of_another_kind_does_not_jump_before_it_was_sent() {
         scenario.pass_us(2 * FRAME_PERIOD_US);
         let sent = runs_in(&scenario.sent());
         let rises = !sent.is_empty() && sent.iter().all(|tenths| *tenths <= 500);
-        // What is being sent counts when it is complete.
+        // A frame being sent counts when it is complete.
         assert!(rises || (!before.is_empty() && sent.contains(&900)), "{before:?} {sent:?}");
     }
     assert!((1..40).contains(&unsent), "{unsent}");
 }
 
-/// "After a ... gap the demand rises at a set rate": what was sent since the ECU was last received may not have reached it. Without a
-/// gap the stick moves it at once: the control.
+/// "After a ... gap the demand rises at a set rate": frames sent since the ECU was last received may not have reached it. The
+/// control: without a gap the stick moves it at once.
 #[test]
 fn zk_a_demand_sent_before_a_gap_was_found_does_not_jump_after_it() {
     for (pause, highest) in [(100_000, 900), (400_000, 300)] {
@@ -158,8 +158,8 @@ fn zk_a_demand_sent_before_a_gap_was_found_does_not_jump_after_it() {
     }
 }
 
-/// A frame without a demand sends none: what was commanded before it rises after a transmitter that hung. One that was sent with its
-/// demand continues: the control.
+/// A frame without a demand does not send it: an earlier demand rises after a hung transmitter. The control: a demand that was sent
+/// continues.
 #[test]
 fn zk_a_frame_without_a_demand_does_not_send_it() {
     let (mut without, mut with) = (0, 0);

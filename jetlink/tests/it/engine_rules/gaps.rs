@@ -1,8 +1,8 @@
-//! What is a gap in the status of a ZK ECU, and what is not.
+//! Gaps in the status of a ZK ECU.
 
 use super::*;
 
-/// A ZK ECU that reports 100 Hz and answers at the host's 20 Hz (ZK-10): its frames are no gaps.
+/// A ZK ECU that reports 100 Hz and answers at the host's 20 Hz (ZK-10): its frames do not count as gaps.
 #[test]
 fn zk_10_an_ecu_that_reports_100_hz_and_answers_at_20_hz_leaves_no_gaps() {
     let mut scenario = flying(Ecu::Zk, 60);
@@ -13,8 +13,8 @@ fn zk_10_an_ecu_that_reports_100_hz_and_answers_at_20_hz_leaves_no_gaps() {
     assert_eq!(scenario.order(), Order::Run(percent(60)), "a frame every 50 ms, and the engine runs");
 }
 
-/// Damaged frames at the expected times (bursts of a frame's length, no break) are no gap, for 10 s at most: at every rate that the
-/// line carries (ZK-11).
+/// Damaged frames at the expected times (bursts of a frame's length, no break) prevent a gap, for 10 s at most: at every rate that
+/// the line carries (ZK-11).
 #[test]
 fn zk_11_damaged_frames_at_the_expected_times_are_no_gap_at_any_rate() {
     use jetlink::config::EngineConfig;
@@ -62,7 +62,7 @@ fn zk_11_damaged_frames_at_the_expected_times_are_no_gap_at_any_rate() {
     }
 }
 
-/// A status rate that is changed in flight, or on a link that came back: frames at the new rate are no gaps.
+/// A status rate changed in flight, or on a link that returned: frames at the new rate do not count as gaps.
 #[test]
 fn frames_at_a_new_status_rate_are_no_gaps() {
     let mut scenario = flying(Ecu::Zk, 60);
@@ -88,7 +88,7 @@ fn frames_at_a_new_status_rate_are_no_gaps() {
     assert_eq!(doubt, 0, "frames in doubt");
 }
 
-/// "Doubt begins with a gap": a rate in a single report makes none.
+/// "Doubt begins with a gap": a rate in a single report does not cause one.
 #[test]
 fn one_report_of_a_false_rate_raises_no_doubt() {
     // One status ID 6 with a good CRC and another rate: "two agreeing reports" for what decides about a gap.
@@ -99,8 +99,8 @@ fn one_report_of_a_false_rate_raises_no_doubt() {
     assert_eq!(scenario.telemetry().in_doubt, None);
 }
 
-/// Damaged frames at the expected times are no gap, for 10 s at most: the demand is also sent meanwhile in rpm mode, or telemetry
-/// reports that it is not.
+/// Damaged frames at the expected times prevent a gap for 10 s at most: meanwhile the demand is also sent in rpm mode, or
+/// telemetry reports that it is not.
 #[test]
 fn an_rpm_demand_is_sent_through_2_s_of_damaged_frames() {
     let mut scenario = Scenario::started(Ecu::Zk, rpm(100_000));
@@ -259,7 +259,7 @@ fn an_rpm_falls_to_the_fail_safe_at_one_rate_when_the_link_is_lost_on_the_way() 
     assert!(silent.abs_diff(received) < 4000, "{silent} instead of {received}");
 }
 
-/// An engine at 120 000 rpm, and the command; its source is silent, or has come back.
+/// An engine at 120 000 rpm, and the command; its source is silent, or has returned.
 fn at_120_000_rpm(fresh: bool) -> (Scenario, Command) {
     let mut scenario = Scenario::started(Ecu::Zk, rpm(120_000));
     let demand = Command::Run(rpm(120_000));

@@ -1,4 +1,4 @@
-//! When a life is in doubt, and when it is over.
+//! When a life is in doubt, and when it has ended.
 
 use super::*;
 
@@ -30,7 +30,7 @@ fn amt_a_shaft_at_rest_raises_doubt_in_any_state() {
 fn amt_when_a_fault_clears_run_waits_for_sets_that_report_running() {
     for state in [0b00001, 0b00010, 0b00100, 0b01000, 0b11111] {
         let mut scenario = flying(Ecu::Amt, 90);
-        // The exhaust burns.
+        // The exhaust is hot.
         scenario.values.egt_celsius = 600;
         scenario.fly_us(run(90), Origin::Rc, 2 * SECOND);
         scenario.values.fault = 0x08;
@@ -124,8 +124,8 @@ fn amt_a_starting_state_after_a_gap_is_a_new_start() {
     }
 }
 
-/// The same after a gap longer than the serial delay time, in which the ECU has stopped its turbine by itself (AMT-12), as it
-/// has to: it coasts in start clearance, and is sent run at what its source commands.
+/// The same after a gap longer than the serial delay time, in which the ECU itself had to stop its turbine (AMT-12): it
+/// coasts in start clearance, while its source commands run.
 #[test]
 fn an_engine_that_its_ecu_stopped_in_a_gap_of_1_s_gets_no_run_while_it_coasts() {
     stopped_in_a_gap(SECOND);

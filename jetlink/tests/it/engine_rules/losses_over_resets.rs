@@ -10,7 +10,7 @@ fn in_a_reset_loop_a_lower_source_that_streams_standby_does_not_hold_a_lost_dema
         let config = ecu.config();
         let mut scenario = flying(ecu, 90);
         both(&mut scenario, &[(run(90), Origin::Rc), (Command::Standby, Origin::Mavlink)], 2 * SECOND);
-        // RC is dead from here on. 40 s of resets 1 s apart.
+        // RC is silent from here on. 40 s of resets, 1 s apart.
         let mut last = Vec::new();
         for _ in 0..40 {
             scenario = scenario.reset(config);
@@ -26,7 +26,7 @@ fn in_a_reset_loop_a_lower_source_that_streams_standby_does_not_hold_a_lost_dema
 }
 
 /// A slow ramp and short lives: from the third reset on the demand is at the fail-safe throttle, because a ramp that continues only
-/// while the node runs would come to no stated end.
+/// while the node runs would have no stated end.
 #[test]
 fn from_the_third_reset_without_a_source_the_demand_is_at_the_fail_safe_throttle() {
     for ecu in BOTH {
@@ -78,15 +78,15 @@ fn a_reset_does_not_restart_the_time_to_standby_of_a_source_that_comes_and_goes(
     }
 }
 
-/// A source that was lost for a while and is received again is in control after a second, also where the node is reset every 1.3 s: the
-/// time for which it was lost is over then.
+/// A source that was lost for a while and is received again is in control after 1 s, even if the node is reset every 1.3 s: that ends
+/// the time for which it was lost.
 #[test]
 fn a_source_that_commands_again_in_a_reset_loop_ends_the_time_to_standby() {
     const LOOP_US: u64 = 1_300_000;
     for (ecu, recover_after) in BOTH.into_iter().flat_map(|ecu| [(ecu, SECOND), (ecu, 2 * SECOND)]) {
         let config = ecu.with(|supervision| {
             supervision.loss.standby_after = Some(micros(6 * SECOND));
-            // Longer than the node runs: what was received before a reset counts.
+            // Longer than the node runs: time received before a reset counts.
             supervision.recover_after = micros(recover_after);
         });
         for back in [true, false] {
@@ -107,8 +107,8 @@ fn a_source_that_commands_again_in_a_reset_loop_ends_the_time_to_standby() {
     }
 }
 
-/// The same where the node never runs for long enough to receive it twice, and receives it only in every second boot. A source that
-/// is received once and then not again gets nothing back: the control.
+/// The same if the node never runs long enough to receive it twice, and receives it only in every second boot. The control: a
+/// source that is received only once does not regain control.
 #[test]
 fn a_source_that_is_received_once_between_resets_gets_back_in_control() {
     const LOOP_US: u64 = 170_000;
@@ -129,13 +129,13 @@ fn a_source_that_is_received_once_between_resets_gets_back_in_control() {
                 scenario.pass_us(LOOP_US / 2);
             }
             assert_eq!(scenario.order() == Order::Standby, !back, "{ecu:?} {every} {back}");
-            // Standby has no stages.
+            // Standby has no stages of loss.
             assert_eq!(scenario.telemetry().loss, jetlink::event::LossStage::None, "{ecu:?} {every} {back}");
         }
     }
 }
 
-/// A source that is received in every fourth boot of a loop of resets is never in control, and is not silent either: no standby goes out.
+/// A source that is received in every fourth boot of a loop of resets is never in control, but not silent either: no standby is sent.
 #[test]
 fn a_source_that_is_received_now_and_then_in_a_reset_loop_keeps_its_engine() {
     const LOOP_US: u64 = 85_000;

@@ -26,7 +26,7 @@ use crate::support::scenario::{
 };
 use bench::by_hand::{at_us, micros};
 
-/// Runs at this throttle under RC; nothing is left from before.
+/// Runs at this throttle under RC; earlier frames and events are dropped.
 fn flying(ecu: Ecu, whole: u8) -> Scenario {
     let mut scenario = Scenario::started(ecu, percent(whole));
     scenario.values.half_percents = whole * 2;

@@ -1,4 +1,4 @@
-//! A pump that was opened is closed.
+//! An opened pump is closed.
 
 use super::*;
 use jetlink::command::Interlock;
@@ -31,8 +31,8 @@ fn a_start_closes_an_open_pump_before_the_engine_runs() {
     );
 }
 
-/// "ClosePump goes out ... until the pump voltage reads zero or ten were sent": a voltage from before the pump was opened
-/// reads nothing of it.
+/// "ClosePump goes out ... until the pump voltage reads zero or ten were sent": a voltage from before the opening proves
+/// nothing.
 #[test]
 fn a_pump_voltage_from_before_the_opening_does_not_confirm_the_closing() {
     let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
@@ -58,7 +58,7 @@ fn a_pump_is_closed_when_its_source_is_only_present() {
     assert!(closes(&scenario.bench.bytes()) > 0, "a source that commands nothing counts as silent");
 }
 
-/// A pump that is open, and nothing is left from before.
+/// An open pump; earlier frames and events are dropped.
 fn pump_open() -> Scenario {
     let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
     scenario.command(action(zk::codec::Action::OpenPump)).unwrap();
@@ -67,7 +67,8 @@ fn pump_open() -> Scenario {
     scenario
 }
 
-/// "Fuel never flows into a hot engine at rest": what made the service safe has to last. The control: without a change it stays open.
+/// "Fuel never flows into a hot engine at rest": the conditions that made the service safe have to last. The control: without a
+/// change it stays open.
 #[test]
 fn a_pump_is_closed_when_the_engine_is_no_longer_cold_or_in_standby() {
     for (reports, egt, open) in [
@@ -85,7 +86,7 @@ fn a_pump_is_closed_when_the_engine_is_no_longer_cold_or_in_standby() {
     }
 }
 
-/// "until the pump voltage reads zero or ten were sent": a transmitter that fails has sent none.
+/// "until the pump voltage reads zero or ten were sent": a failing transmitter has sent none.
 #[test]
 fn close_pump_frames_that_were_not_sent_do_not_count() {
     for why in [NotSent::TimedOut, NotSent::Failed] {
@@ -116,7 +117,7 @@ fn close_pump_frames_that_were_not_sent_do_not_count() {
     }
 }
 
-/// "ClosePump goes out after the first stop frame", also where it was going out before the stop.
+/// "ClosePump goes out after the first stop frame", even if it was being sent before the stop.
 #[test]
 fn a_stop_is_sent_before_the_next_close_pump_frame() {
     for wait in 0..40 {
@@ -153,7 +154,7 @@ fn a_service_that_is_repeated_ends_after_its_time() {
         both(&mut scenario, &commands, 60 * SECOND);
         assert!(!opened(&mut scenario), "{beside:?}: it opens again by itself");
         assert_eq!(scenario.command(open), Err(Rejected::ServiceTime));
-        // A source that pauses and commands again means it.
+        // A source that pauses and commands again intends it.
         scenario.pass_us(SECOND);
         scenario.command(open).unwrap();
         scenario.pass_us(4 * FRAME_PERIOD_US);
@@ -161,14 +162,14 @@ fn a_service_that_is_repeated_ends_after_its_time() {
     }
 }
 
-/// The time of an open pump is one, also where its service is repeated with pauses that are longer than the timeout of its source, and
-/// other commands of that source keep it open meanwhile.
+/// The time limit of an open pump is not extended, even if its service is repeated with pauses longer than the timeout of its source,
+/// while other commands of that source keep it open.
 #[test]
 fn a_service_that_pauses_does_not_prolong_an_open_pump() {
     let open = action(zk::codec::Action::OpenPump);
     let mut scenario = pump_open();
     scenario.values.rpm = Some(0);
-    // Refused: it uses the permission up, and from then on it is only a word.
+    // Refused: this uses up the permission, and from then on run has no effect.
     assert!(scenario.command(run(0)).is_err());
     let mut fly = |tenths: core::ops::Range<u64>| {
         scenario.bench.bytes();
@@ -181,7 +182,7 @@ fn a_service_that_pauses_does_not_prolong_an_open_pump() {
         }
         closes(&scenario.bench.bytes())
     };
-    // What the refused start closed.
+    // The refused start closed it.
     fly(1..40);
     assert_eq!(fly(40..280), 0, "it is kept open");
     assert!(fly(280..340) > 0, "for service_time");
@@ -209,7 +210,7 @@ fn a_pump_that_still_has_a_voltage_is_closed_again_at_the_next_event() {
             assert_eq!(refusals.contains(&Rejected::Start(Interlock::PumpOpen)), again > 0, "{refusals:?}");
             assert_eq!(scenario.bench.machine.record().pump_open, again > 0);
             scenario.bench.frames();
-            // A streamed standby is no event.
+            // A streamed standby is not a new event.
             scenario.fly_us(Command::Standby, Origin::Rc, 2 * SECOND);
             assert_eq!(closes(&scenario.bench.bytes()), 0);
             let answer = scenario.command(event);
@@ -227,8 +228,8 @@ fn a_pump_that_still_has_a_voltage_is_closed_again_at_the_next_event() {
     }
 }
 
-/// Ten frames to close the pump went out while no voltage was received. A later voltage of zero shows that it is closed; that of an
-/// engine in flight is its own, and neither a disarm nor a reset closes the pump of a running engine.
+/// Ten frames to close the pump were sent while no voltage was received. A later voltage of zero shows that it is closed; the pump
+/// voltage of an engine in flight is normal, and neither a disarm nor a reset closes the pump of a running engine.
 #[test]
 fn the_pump_of_a_running_engine_is_not_closed() {
     for zero_is_reported in [true, false] {

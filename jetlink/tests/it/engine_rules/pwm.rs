@@ -48,12 +48,12 @@ fn zk_8_in_a_gap_nothing_hands_over() {
     scenario.bench.frames();
     scenario.pass_us(2 * SECOND);
     assert_eq!(scenario.sent(), [], "anything but ID 0");
-    // It continues where the engine does.
+    // It continues if the engine does.
     scenario.reports(Reports::Running).pass_us(2 * SECOND);
     assert!(scenario.sent().contains(&Wire::Pwm));
 }
 
-/// A brown-out under PWM: nobody commanded the engine over the wire, and jetlink takes it and brings it to idle.
+/// A brown-out under PWM: nobody commanded the engine over the wire, so jetlink must not take it and bring it to idle.
 #[test]
 fn after_a_brown_out_no_run_overrules_the_pilots_pwm() {
     let config = Ecu::Zk.config();

@@ -1,9 +1,9 @@
-//! What a lower source, or a stray command, may end.
+//! Runs that a lower source, or a stray command, may end.
 
 use super::*;
 
 /// "A lower source's streamed standby ends a run that another began only when the stages of loss have reached fail-safe and
-/// a set time (default 5 s) has passed": after a brown-out, with nothing received of the ECU for a second.
+/// a set time (default 5 s) has passed": after a brown-out, with nothing received from the ECU for 1 s.
 #[test]
 fn after_a_brown_out_a_lower_sources_standby_waits_for_the_stages_of_loss() {
     for ecu in BOTH {
@@ -18,8 +18,8 @@ fn after_a_brown_out_a_lower_sources_standby_waits_for_the_stages_of_loss() {
     }
 }
 
-/// "To shut an engine down takes two commands within that source's timeout": of the highest source, after a brown-out. The
-/// emergency input is lower than nobody.
+/// "To shut an engine down takes two commands within that source's timeout": of the highest source, after a brown-out. No
+/// source is above the emergency input.
 #[test]
 fn after_a_brown_out_repeated_standby_of_the_highest_source_shuts_down() {
     for ecu in BOTH {
@@ -53,7 +53,7 @@ fn two_stray_standbys_5_s_apart_shut_nothing_down() {
     assert_ne!(scenario.order(), Order::Standby);
 }
 
-/// Commands come before the runner begins: what RC's run was is in the record, and a lower source's standby does not end it.
+/// Commands come before the runner begins: RC's run is in the record, and a lower source's standby does not end it.
 #[test]
 fn a_lower_sources_standby_before_the_runner_begins_ends_no_run() {
     let retained = flying(Ecu::Zk, 60).bench.machine.record();
@@ -68,7 +68,7 @@ fn a_lower_sources_standby_before_the_runner_begins_ends_no_run() {
     assert_ne!(order, Order::Standby, "the record: {retained:?}");
 }
 
-/// A share that grows for the demand beside a failed engine is reached at the rate of every rise.
+/// When the share for the demand beside a failed engine grows, the demand rises at the usual rate.
 #[test]
 fn a_demand_rises_at_its_rate_to_a_greater_share_beside_a_failed_engine() {
     let mut config = Ecu::Zk.config();
@@ -112,8 +112,8 @@ fn the_start_up_time_of_the_ecu_before_a_lost_link_is_forgotten() {
     assert!(matches!(scenario.order(), Order::Run(_)), "{}", scenario.order());
 }
 
-/// A refused hand-over uses the permission of its source up, as a refused run does: its later run does not start the engine. Without
-/// the hand-over it does, the control.
+/// A refused hand-over uses up the permission of its source, like a refused run: its later run does not start the engine. The
+/// control: without the hand-over it does.
 #[test]
 fn a_refused_hand_over_uses_up_the_permission() {
     for hands_over in [true, false] {
@@ -131,8 +131,8 @@ fn a_refused_hand_over_uses_up_the_permission() {
     }
 }
 
-/// A source that is present and commands nothing is silent, also over resets: a loop too short to listen ends in standby. One that
-/// commands a run keeps it from that, the control.
+/// A source that is present and commands nothing is silent, also over resets: a loop too short to listen ends in standby. The
+/// control: one that commands a run prevents this.
 #[test]
 fn a_source_that_is_present_delays_no_standby_in_a_loop_of_resets() {
     let config = Ecu::Zk.config();

@@ -1,4 +1,4 @@
-//! What a start survives, and what ends it.
+//! Events that a start survives, and events that end it.
 
 use super::*;
 
@@ -70,7 +70,7 @@ fn amt_14_after_a_brown_out_in_a_start_the_throttle_does_not_rise() {
 }
 
 /// The same with nothing in memory: the engine may run, and be reported in idle calibration, but it may as well be in a start. It is sent
-/// the throttle that its ECU reports, and no more before that reports running. The control: then it rises to what is commanded.
+/// the throttle that its ECU reports, and no more until the ECU reports running. The control: then it rises to the commanded throttle.
 #[test]
 fn amt_14_without_memory_the_throttle_does_not_rise_before_the_ecu_reports_running() {
     for state in [amt_frames::STARTED_UP, amt_frames::IDLE_CALIBRATION, 0b11110] {

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// The highest fresh source is in control; the answer to lower ones names it, and they change nothing.
+/// The highest fresh source is in control; lower ones change nothing, and their answer names it.
 #[test]
 fn the_highest_fresh_source_is_in_control() {
     for ecu in BOTH {
@@ -18,7 +18,7 @@ fn the_highest_fresh_source_is_in_control() {
             assert_eq!((scenario.order(), scenario.wire()), (Order::Run(percent(50)), Wire::Run(500)));
             assert_eq!(scenario.telemetry().active_source, Origin::Rc);
             assert_eq!(scenario.bench.event_kinds(), [], "{ecu:?}");
-            // What is done once cannot wait.
+            // A single action cannot wait.
             let service = match ecu {
                 Ecu::Amt => Service::Amt(amt::config::Service::Ctf),
                 Ecu::Zk => Service::Zk(zk::config::Service::Action(zk::codec::Action::Rate50Hz)),
@@ -63,7 +63,7 @@ fn each_source_has_its_own_timeout() {
             });
             let mut scenario = Scenario::ready(ecu, config);
             scenario.pass_us(5 * SECOND);
-            // One that was silent has to be received for a second first.
+            // A source that was silent first has to be received for 1 s.
             scenario.fly_us(Command::Standby, origin, SECOND + COMMAND_PERIOD_US);
             assert_eq!(scenario.command_from(run(0), origin), Ok(Accepted::InForce));
             scenario.reports(Reports::Starting);
@@ -85,11 +85,11 @@ fn each_source_has_its_own_timeout() {
     }
 }
 
-/// A source far from the throttle in force is held off until it comes within the band, or has waited.
+/// A source far from the throttle in force takes over only when it comes within the band, or has waited.
 #[test]
 fn taking_over_is_bumpless() {
     for ecu in BOTH {
-        // Close at once: at once.
+        // Close from the start: it takes over at once.
         for close in [45, 50, 55] {
             let mut scenario = Scenario::started(ecu, percent(50));
             let answer = scenario.command_from(run(close), Origin::Emergency);
@@ -100,7 +100,7 @@ fn taking_over_is_bumpless() {
             scenario.pass_us(COMMAND_PERIOD_US);
             assert_eq!(scenario.order(), Order::Run(percent(close)), "{ecu:?}");
         }
-        // Far: held, and the throttle in force with it, until it has come close.
+        // Far: it waits, and the throttle in force stays, until it has come close.
         for (far, close) in [(90, 55), (10, 45)] {
             let mut scenario = Scenario::started(ecu, percent(50));
             assert_eq!(scenario.command_from(run(far), Origin::Emergency), Ok(Accepted::Held));
@@ -120,7 +120,7 @@ fn taking_over_is_bumpless() {
             scenario.command_from(run(far), Origin::Emergency).unwrap();
             assert_eq!(scenario.order(), Order::Run(percent(far)), "it is in control now");
         }
-        // Far, and it stays there: after the time, to the tick.
+        // Far, and stays far: it takes over after the wait, to the tick.
         let mut scenario = Scenario::started(ecu, percent(50));
         let from = scenario.now_us();
         scenario.fly_us(run(90), Origin::Emergency, 2 * SECOND - 1);
@@ -150,8 +150,8 @@ fn taking_over_is_bumpless() {
     assert_eq!(scenario.order(), Order::Run(rpm(80_000)));
 }
 
-/// A higher source that falls silent before it has taken over leaves the one in control as it was, also where that one was lost in
-/// flight before. One that was silent itself meanwhile takes over again.
+/// A higher source that falls silent before it has taken over leaves the one in control unchanged, even if that one was lost in
+/// flight before. If that one was silent meanwhile, it has to take over again.
 #[test]
 fn a_source_that_stayed_is_obeyed_when_a_higher_one_has_left() {
     for ecu in BOTH {
@@ -162,7 +162,7 @@ fn a_source_that_stayed_is_obeyed_when_a_higher_one_has_left() {
                 scenario.fly_us(run(50), Origin::Rc, 6 * SECOND);
             }
             assert_eq!((scenario.tenths(), scenario.telemetry().waiting), (500, None));
-            // Longer than a short gap of the one, and too short for a take-over by the other.
+            // Longer than a short gap of one source, and too short for a take-over by the other.
             for millis in (0..1_800).step_by(100) {
                 if (300..1_400).contains(&millis) {
                     scenario.command_from(run(90), Origin::Emergency).unwrap();
@@ -201,7 +201,7 @@ fn the_next_source_takes_over_from_one_that_is_lost() {
     }
 }
 
-/// A source that waits to take over while the stages of loss run leaves no deadline behind it: the bench panics if
+/// A source that waits to take over while the stages of loss run leaves no deadline behind: the bench panics if
 /// the engine's next wake is in the past.
 #[test]
 fn a_source_that_waits_while_another_is_lost_leaves_no_deadline_behind() {
@@ -286,7 +286,7 @@ fn standby_is_obeyed_at_the_second_command() {
     }
 }
 
-/// So is the standby of a source above the one in control, whether it commanded before or not.
+/// The same applies to the standby of a source above the one in control, whether it commanded before or not.
 #[test]
 fn two_standbys_of_a_higher_source_shut_down() {
     for ecu in BOTH {

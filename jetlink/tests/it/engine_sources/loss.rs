@@ -57,8 +57,8 @@ fn each_stage_of_loss_begins_exactly_to_the_tick() {
     }
 }
 
-/// "A hold that is under way keeps its length": a new one, longer or shorter, applies from the next loss on. The fail-safe throttle
-/// applies at once.
+/// A hold in progress keeps its length: a new one, longer or shorter, applies from the next loss on. The fail-safe throttle applies
+/// at once.
 #[test]
 fn a_hold_that_is_changed_while_it_lasts_keeps_its_length() {
     for ecu in BOTH {
@@ -120,7 +120,7 @@ fn the_fail_safe_throttle_never_raises() {
     }
 }
 
-/// A source that comes back has to be received for a second without a gap; then it takes over like any other.
+/// A source that returns has to be received for 1 s without a gap; then it takes over like any other.
 #[test]
 fn a_source_that_returns_is_in_control_after_1_s() {
     for ecu in BOTH {
@@ -153,8 +153,8 @@ fn a_source_that_returns_is_in_control_after_1_s() {
     }
 }
 
-/// A source that is gone and back every few 100 ms: the stages continue as if it had stayed away, and the throttle
-/// never rises. Also where its first gap is too long for a short one, or where none is.
+/// A source that disappears and returns every few 100 ms: the stages continue as if it had stayed away, and the
+/// throttle never rises. Also if its first gap is too long to count as short, or if none is.
 #[test]
 fn a_flapping_source_neither_resets_the_stages_nor_makes_the_engine_hunt() {
     for ecu in BOTH {
@@ -192,7 +192,7 @@ fn a_flapping_source_neither_resets_the_stages_nor_makes_the_engine_hunt() {
                 "{ecu:?} {on} {off}"
             );
         }
-        // The control: shorter gaps than the timeout are none.
+        // The control: gaps shorter than the timeout do not count.
         let mut scenario = Scenario::started(ecu, percent(50));
         for _ in 0..20 {
             scenario.fly_us(run(50), Origin::Rc, 300_000);
@@ -202,7 +202,7 @@ fn a_flapping_source_neither_resets_the_stages_nor_makes_the_engine_hunt() {
     }
 }
 
-/// A flapping higher source does not take an engine back and forth from one below that is steady.
+/// A flapping higher source does not repeatedly take an engine from a steady lower one.
 #[test]
 fn a_flapping_source_leaves_the_steady_one_below_alone() {
     for ecu in BOTH {
@@ -219,7 +219,7 @@ fn a_flapping_source_leaves_the_steady_one_below_alone() {
             assert_eq!(scenario.tenths(), 300, "{ecu:?}");
         }
         assert_eq!(active_sources(&mut scenario), []);
-        // The control: steady for a second, and then close or 2 s more.
+        // The control: steady for 1 s, and then close, or for 2 s more.
         for i in 0..41 {
             scenario.command_from(run(30), Origin::Mavlink).unwrap();
             scenario.command(run(80)).unwrap();
@@ -246,7 +246,7 @@ fn each_engine_has_its_own_stages_of_loss() {
     assert_eq!(slow.tenths(), 400, "1 % a second from 5.5 s on");
 }
 
-/// The ECU lost and the source lost are two things, each handled for itself.
+/// Loss of the ECU and loss of the source are handled separately.
 #[test]
 fn a_lost_link_and_a_lost_source_are_handled_separately() {
     for ecu in BOTH {
@@ -279,7 +279,7 @@ fn a_lost_link_and_a_lost_source_are_handled_separately() {
     }
 }
 
-/// In standby and under a stop there is nothing to lose.
+/// In standby and under a stop there is no demand to lose.
 #[test]
 fn there_is_no_loss_without_a_demand() {
     for ecu in BOTH {
@@ -309,8 +309,8 @@ fn only_a_demand_keeps_a_demand_fresh() {
     }
 }
 
-/// An rpm demand falls to the idle rpm that the ECU gave, or to the throttle at idle if it gave none; it only lowers,
-/// and applies although the ECU has lowered its maximum since.
+/// An rpm demand falls to the idle rpm that the ECU reported, or to idle throttle if it reported none; it only falls,
+/// even if the ECU has lowered its maximum since.
 #[test]
 fn an_rpm_demand_falls_to_idle_when_its_source_is_lost() {
     for (demand, safe) in [(100_000, ZK_IDLE), (ZK_IDLE - 1_000, ZK_IDLE - 1_000)] {
@@ -336,7 +336,7 @@ fn an_rpm_demand_falls_to_idle_when_its_source_is_lost() {
     scenario.command(Command::Arm).unwrap();
     scenario.command(Command::Standby).unwrap();
     scenario.command(run(0)).unwrap();
-    // Where no idle speed is known a tenth of the maximum has to do.
+    // If no idle speed is known, a tenth of the maximum is used.
     scenario.values.rpm = Some(ZK_MAX / 10);
     scenario.reports(Reports::Starting).reports(Reports::Running);
     scenario.fly_us(Command::Run(rpm(100_000)), Origin::Rc, 2 * SECOND);

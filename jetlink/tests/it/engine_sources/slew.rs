@@ -1,8 +1,8 @@
-//! Slew limits, reductions, and what is reported of them.
+//! Slew limits, reductions, and their reports.
 
 use super::*;
 
-/// Off by default; up and down each with its own rate, to the tick.
+/// Off by default; separate rates up and down, exact to the tick.
 #[test]
 fn slew_limits_are_exact_to_the_tick_and_off_by_default() {
     for ecu in BOTH {
@@ -33,7 +33,7 @@ fn slew_limits_are_exact_to_the_tick_and_off_by_default() {
         scenario.run_to_us(from + 5 * SECOND);
         assert_eq!((scenario.tenths(), scenario.wire()), (0, Wire::Run(0)), "{ecu:?}");
     }
-    // An rpm in the same share of the maximum: 20 % of 160 000 rpm a second.
+    // For an rpm, the same share of the maximum: 20 % of 160 000 rpm per second.
     let config = Ecu::Zk.with(|s| {
         s.slew.up = Some(200);
         s.timeouts.rc = Duration::from_secs(60);
@@ -47,7 +47,7 @@ fn slew_limits_are_exact_to_the_tick_and_off_by_default() {
     assert_eq!(scenario.order(), Order::Run(rpm(ZK_IDLE + 64_000)));
 }
 
-/// A slow slew delays neither a stop, nor standby, nor the fail-safe beyond its own ramp.
+/// A slow slew delays neither a stop nor standby, nor the fail-safe beyond its own ramp.
 #[test]
 fn slew_delays_no_stop_and_no_fail_safe() {
     for ecu in BOTH {
@@ -68,13 +68,13 @@ fn slew_delays_no_stop_and_no_fail_safe() {
         let mut scenario = Scenario::started_with(ecu, config, percent(80));
         scenario.fly_us(run(80), Origin::Rc, 2 * SECOND);
         assert_eq!(scenario.tenths(), 800);
-        // The last command came 100 ms ago. 50 % a second.
+        // The last command came 100 ms ago. The ramp falls at 50 %/s.
         scenario.pass_us(SOURCE_TIMEOUT_US - COMMAND_PERIOD_US + SECOND + 1_600_000);
         assert_eq!(scenario.tenths(), 0, "{ecu:?}");
     }
 }
 
-/// Another engine of the group has failed: reported, and this one left alone; or reduced, if so configured.
+/// Another engine of the group has failed: this is reported, and this engine is reduced only if so configured.
 #[test]
 fn the_failure_of_another_engine_is_reported_and_reduces_only_if_configured() {
     for ecu in BOTH {
@@ -207,7 +207,7 @@ fn a_slew_limits_a_demand_of_the_other_kind() {
     assert_eq!(scenario.order(), Order::Run(rpm(66_000)));
 }
 
-/// The active source is reported when it changes, also while the engine is at rest, and is who the others wait for.
+/// The active source is reported when it changes, also while the engine is at rest; the others wait for it.
 #[test]
 fn the_active_source_is_reported_in_standby() {
     for ecu in BOTH {
@@ -238,8 +238,8 @@ fn standby_by_loss_is_reported_until_a_source_commands() {
     }
 }
 
-/// An ECU that does not do what is ordered is reported after 3 s: a broken wire towards it. Neither a moment nor another state
-/// of an engine at rest is.
+/// An ECU that does not do what is ordered is reported after 3 s: a broken wire towards it. A short mismatch, or another state
+/// of an engine at rest, is not reported.
 #[test]
 fn an_ecu_that_does_not_obey_is_reported() {
     let reported = |scenario: &mut Scenario| -> Vec<Event> {
@@ -263,7 +263,7 @@ fn an_ecu_that_does_not_obey_is_reported() {
             scenario.reports(Reports::Cooling);
             assert_eq!(reported(&mut scenario), [Event::ObeyedAgain], "{ecu:?} {command:?}");
         }
-        // The control: it takes its time, but not that long.
+        // The control: it obeys late, but before that.
         let mut scenario = Scenario::started(ecu, percent(50));
         scenario.shut_down().unwrap();
         scenario.pass_us(2 * SECOND);
@@ -279,8 +279,8 @@ fn an_ecu_that_does_not_obey_is_reported() {
     }
 }
 
-/// A demand of the other kind that was never sent moves nothing: the next one rises from the demand that the ECU has, whatever
-/// throttle it last reported. One that was sent does, the control: then the ECU's report is all there is.
+/// A demand of the other kind that was never sent has no effect: the next one rises from the demand that the ECU has, whatever
+/// throttle it last reported. The control: after one that was sent, only the ECU's report remains.
 #[test]
 fn a_demand_of_another_kind_that_was_not_sent_moves_nothing() {
     for sent in [false, true] {

@@ -1,4 +1,4 @@
-//! The judge by hand: schedules that break an invariant, beside ones that keep it.
+//! Tests of the judge: schedules written by hand that break an invariant, and ones that keep it.
 
 use super::oracle::{Input, Oracle, Retained, Truth};
 use super::wire::{Frame, Switch};
@@ -11,7 +11,7 @@ const MS: u64 = 1_000;
 const RESET: u64 = 20 * SECOND;
 const STANDBY: u64 = RESET + 10_280 * MS;
 
-/// Whether an engine has been ordered to run, and what is true of it: the order comes at 3 s, and it runs from 4 s on.
+/// Whether an engine has been ordered to run, and its true state: the order comes at 3 s, and it runs from 4 s on.
 fn started_at_3_s(at: u64) -> (bool, Truth) {
     let (starts, runs) = (at >= 3 * SECOND, at >= 4 * SECOND);
     let truth = Truth {
@@ -26,7 +26,7 @@ fn started_at_3_s(at: u64) -> (bool, Truth) {
     (starts, truth)
 }
 
-/// An AMT engine at idle that is reset in flight and gets standby: the judge's verdict. Its source is away in this time.
+/// An AMT engine at idle that is reset in flight and gets standby: the judge's verdict. Its source is silent during `away`.
 fn standby_after_a_reset(away: core::ops::Range<u64>) -> Result<(), String> {
     let config = Ecu::Amt.with(|s| {
         s.timeouts.rc = Duration::from_millis(200);
@@ -60,22 +60,22 @@ fn standby_after_a_reset(away: core::ops::Range<u64>) -> Result<(), String> {
     judge.frame(STANDBY, Frame::Full(Switch::Standby, 0)).map(|_| ())
 }
 
-/// The last stage of loss ends a run also where its source is in control again before the frame with the standby goes out.
+/// The last stage of loss ends a run even if its source is in control again before the frame with the standby is sent.
 #[test]
 fn the_last_stage_of_loss_may_end_a_run_just_before_its_source_is_back() {
     // Lost 0.2 s after its last command at 6.95 s, standby is due 3 s later; back in control after 0.5 s.
     let back = RESET + 9_725 * MS;
     assert_eq!(standby_after_a_reset(RESET + 7 * SECOND..back), Ok(()));
     assert_eq!(standby_after_a_reset(RESET + 7 * SECOND..STANDBY), Ok(()));
-    // It was never away, or is back for long.
+    // It was never away, or has been back for long.
     for away in [RESET..RESET, RESET + 7 * SECOND..RESET + 8 * SECOND] {
         let verdict = standby_after_a_reset(away);
         assert!(verdict.as_ref().is_err_and(|why| why.starts_with("(5)")), "{verdict:?}");
     }
 }
 
-/// The source of a running AMT engine at idle is away from 20 s on. Where it `returns`, it comes back with 29 % after 0.7 s
-/// and wants nothing 0.1 s later. The judge's verdict on a frame with `throttle` after that.
+/// The source of a running AMT engine at idle is away from 20 s on. If it `returns`, it commands 29 % after 0.7 s and
+/// nothing 0.1 s later. The judge's verdict on a frame with `throttle` after that.
 fn lost_again_before_a_frame(returns: bool, throttle: u16) -> Result<(), String> {
     const BACK: u64 = 20_710 * MS;
     const PRESENT: u64 = BACK + 100 * MS;
@@ -105,7 +105,7 @@ fn lost_again_before_a_frame(returns: bool, throttle: u16) -> Result<(), String>
     judge.frame(PRESENT + 30 * MS, Frame::Full(Switch::Run, throttle)).map(|_| ())
 }
 
-/// What a demand has risen to by the loss of its source is held, also where no frame has shown it.
+/// The value to which a demand has risen when its source is lost is held, even if no frame has shown it.
 #[test]
 fn a_demand_may_rise_between_two_losses() {
     assert_eq!(lost_again_before_a_frame(true, 45), Ok(()));
@@ -115,7 +115,8 @@ fn a_demand_may_rise_between_two_losses() {
     }
 }
 
-/// The last stage of loss ends a run: what a source commands before the next frame ends nothing. Before, one standby does not count.
+/// The last stage of loss ends a run: a command before the next frame does not end it again. Before that stage, one standby does not
+/// count.
 #[test]
 fn one_standby_counts_only_where_the_run_has_ended_already() {
     let judged = |last: u64| {
@@ -148,8 +149,8 @@ fn one_standby_counts_only_where_the_run_has_ended_already() {
     assert_eq!(judged(19 * SECOND), Err("(5) one standby of rc counts, and the engine runs".to_owned()));
 }
 
-/// After a reset a source that speaks seldom may be lost or not, as nothing shows when its last command came: a lower one may be in control
-/// beside it, or not, until that is over.
+/// After a reset a source that rarely commands may be lost or not, as nothing shows when its last command came: until that is settled, a
+/// lower one may be in control.
 #[test]
 fn after_a_reset_a_lower_source_may_be_in_control_beside_one_that_speaks_seldom() {
     let judged = |last: u64| {
@@ -194,8 +195,8 @@ fn after_a_reset_a_lower_source_may_be_in_control_beside_one_that_speaks_seldom(
     assert!(verdict.as_ref().is_err_and(|why| why.starts_with("(6)")), "{verdict:?}");
 }
 
-/// The standby of a lower source that ends a run at the end of the stages of loss is its own: its next run is a start. One that it
-/// commanded long before, and was silent since, has ended nothing.
+/// The standby of a lower source that ends a run at the end of the stages of loss is its own: its next run is a start. A standby
+/// from long before, with silence since, has ended nothing.
 #[test]
 fn a_lower_sources_standby_that_ends_a_run_permits_its_next_one() {
     let judged = |standby_until: u64, standby_after: Option<u64>| {

@@ -30,7 +30,7 @@ fn number(name: &str) -> Option<u64> {
     std::env::var(name).ok()?.parse().ok()
 }
 
-/// Says each tenth of a long campaign.
+/// Prints each tenth of a long campaign.
 fn progress(before: u64, now: u64, engine_seconds: u64) {
     let tenth = |seconds: u64| seconds * 10 / engine_seconds;
     if engine_seconds >= LONG && tenth(now) > tenth(before) {
@@ -38,8 +38,8 @@ fn progress(before: u64, now: u64, engine_seconds: u64) {
     }
 }
 
-/// Plays worlds from this seed on until `engine_seconds` are over, on `threads` threads. Panics with the first failure,
-/// or when JETLINK_FINDINGS of them are there.
+/// Plays worlds from this seed on for `engine_seconds`, on `threads` threads. Panics at the first failure, or after
+/// JETLINK_FINDINGS of them.
 fn worlds(first: u64, engine_seconds: u64, threads: u64) -> Tally {
     let (seed, done) = (AtomicU64::new(first), AtomicU64::new(0));
     let (total, failures) = (Mutex::new(Tally::default()), Mutex::new(Vec::new()));
@@ -80,7 +80,7 @@ fn the_invariants_hold_in_random_worlds() {
     let seconds = number("JETLINK_SECONDS").unwrap_or(6 * 3600);
     let tally = worlds(number("JETLINK_SEED").unwrap_or(1), seconds, 2);
     println!("{tally:?}");
-    // What the invariants are about did happen.
+    // The events that the invariants concern did happen.
     for (what, count) in [
         ("starts", tally.starts),
         ("frames of a run", tally.run_frames),

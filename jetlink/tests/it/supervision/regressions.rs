@@ -1,4 +1,4 @@
-//! What random worlds have found, each as the shortest schedule that shows it.
+//! Faults found by random worlds, each as the shortest schedule that shows it.
 
 use crate::support::scenario::{
     BOTH, COMMAND_PERIOD_US, Reports, SECOND, Scenario, Values, Wire, percent, run, tenths,
@@ -40,7 +40,7 @@ fn a_demand_of_a_source_not_yet_in_control_is_not_held() {
         let mut scenario =
             Scenario::started_with(ecu, ecu.with(|s| s.recover_after = Duration::from_secs(3)), percent(30));
         scenario.fly_us(run(30), Origin::Rc, SECOND);
-        // RC is lost for longer than a gap that is none; the bench waits to take over.
+        // RC is lost for longer than a short gap; the bench waits to take over.
         scenario.fly_us(run(10), Origin::Bench, 1_600_000);
         assert_eq!(scenario.tenths(), 300, "{ecu:?}");
         // RC commands again, with another demand, and both fall silent.
@@ -91,8 +91,7 @@ fn at_the_fail_safe_of_a_limit_a_lower_demand_counts() {
     }
 }
 
-/// A command may come before the engine's task has begun: it does not overwrite what a reset has left, and nothing
-/// that is retained is released by it.
+/// A command may come before the engine's task has begun: it neither overwrites nor releases retained state.
 #[test]
 fn a_command_before_the_engine_begins_does_not_release_a_retained_stop() {
     let memory: &'static RetainedMemory = Box::leak(Box::new(RetainedMemory::new()));
@@ -127,7 +126,7 @@ fn the_retained_demand_is_no_higher_than_the_one_on_the_wire() {
     }
 }
 
-/// A start that a reset cuts short is over, and its source's stick never was on the wire.
+/// A start interrupted by a reset has ended, and its source's throttle was never sent.
 #[test]
 fn a_start_that_a_reset_cut_short_does_not_resume() {
     for ecu in BOTH {
@@ -151,8 +150,8 @@ fn a_start_that_a_reset_cut_short_does_not_resume() {
     }
 }
 
-/// A demand that had not come to pass when its source fell silent does not come to pass any more: neither because the
-/// engine comes to run, nor by a slew.
+/// A demand that was not yet in force when its source fell silent never comes into force: neither when the engine
+/// begins to run, nor by a slew.
 #[test]
 fn a_lost_demand_never_rises() {
     for ecu in BOTH {
@@ -176,7 +175,7 @@ fn a_lost_demand_never_rises() {
     }
 }
 
-/// What a source commands after a reset, before its engine is confirmed, is newer than what was retained.
+/// A command after a reset, before the engine is confirmed, is newer than the retained demand.
 #[test]
 fn a_command_in_doubt_after_a_reset_overrides_the_retained_demand() {
     for ecu in BOTH {
@@ -223,8 +222,8 @@ fn one_odd_frame_does_not_make_a_hot_exhaust_cool() {
     }
 }
 
-/// A start whose source died ends 10 s after the fail-safe stage, also when a gap raises doubt just before: there is no running
-/// engine that the doubt could be about.
+/// A start whose source died ends 10 s after the fail-safe stage, also when a gap raises doubt just before: the doubt cannot
+/// concern a running engine.
 #[test]
 fn a_gap_does_not_prolong_a_start_whose_source_is_silent() {
     for ecu in BOTH {

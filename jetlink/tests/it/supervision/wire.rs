@@ -12,9 +12,9 @@ pub enum Frame {
     Mode(Switch, u8),
     /// ZK ID 7.
     RpmCode(u16),
-    /// Any other: it orders nothing of a running engine.
+    /// Any other: it does not command a running engine.
     Other(u8),
-    /// No frame that the document knows.
+    /// Not a frame of the document.
     Bad([u8; LONGEST]),
 }
 

@@ -1,5 +1,5 @@
-//! Frames as the protocol documents draw them, built here a second time and not with the library's codecs:
-//! one mistake must not be on both sides of a test.
+//! Frames built independently from the protocol documents, not with the library's codecs: the same mistake
+//! must not be on both sides of a test.
 
 /// The CRC of the ZK document's "non-table look-up method", word for word. Its seed is 0 (ZK-1).
 pub fn printed_crc8(message: &[u8]) -> u8 {

@@ -1,4 +1,4 @@
-//! What the tests of links and engines share.
+//! Support shared by the tests of links and engines.
 
 pub mod frames;
 pub mod scenario;

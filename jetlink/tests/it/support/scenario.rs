@@ -1,4 +1,4 @@
-//! One engine of either kind as a scenario: what its ECU reports, what is commanded, what goes out. Times are in
+//! One engine of either kind as a scenario: reports of its ECU, commands, and frames sent. Times are in
 //! microseconds; everything is exact to the tick.
 
 use crate::support::frames::{amt as amt_frames, zk as zk_frames};
@@ -57,7 +57,7 @@ pub const BOTH: [Ecu; 2] = [Ecu::Amt, Ecu::Zk];
 
 /// Shaft speed of an engine that turns, above half of idle: 10 000 rpm for the AMT engine.
 pub const TURNING: u32 = 12_000;
-/// What the ZK engine gives as its idle speed, below that, and its maximum.
+/// Idle speed reported by the ZK engine, and below, its maximum.
 pub const ZK_IDLE: u32 = ZK_IDLE_THOUSANDS as u32 * 1000;
 pub const ZK_MAX: u32 = ZK_MAX_THOUSANDS as u32 * 1000;
 const ZK_IDLE_THOUSANDS: u8 = 5;
@@ -133,7 +133,7 @@ pub struct Scenario {
     pub bench: Bench<BenchEngine>,
     pub reports: Option<Reports>,
     pub values: Values,
-    /// No other engine of the group is starting.
+    /// True: no other engine of the group is starting.
     pub others_allow_start: bool,
     next_frame: u64,
 }
@@ -169,8 +169,8 @@ impl Scenario {
         }
     }
 
-    /// A ZK ECU gives its version 5, its rate, its maximum and its idle speed, each twice, with the shaft speed that goes
-    /// with what it reports otherwise.
+    /// A ZK ECU reports version 5, its rate, its maximum and its idle speed, each twice, with the shaft speed of its
+    /// other reports.
     pub fn introduce(&mut self) {
         self.introduce_version(5);
     }
@@ -179,7 +179,7 @@ impl Scenario {
         if self.ecu == Ecu::Zk {
             for _ in 0..2 {
                 let rpm = self.rpm();
-                // The idle speed first: what half of it is would be a guess otherwise.
+                // The idle speed first: otherwise half of it would be a guess.
                 self.bench.receive(&zk_frames::status(8, rpm, [ZK_IDLE_THOUSANDS, 0, 0]));
                 self.bench.receive(&zk_frames::status(6, rpm, [ZK_MAX_THOUSANDS, 0, version << 2]));
             }
@@ -242,7 +242,7 @@ impl Scenario {
         self
     }
 
-    /// One frame now, other than what the ECU reports.
+    /// One frame now that differs from the ECU's reports.
     pub fn odd(&mut self, reports: Reports, values: Values) {
         self.bench.receive(&self.ecu.frame(reports, values));
     }
@@ -277,7 +277,7 @@ impl Scenario {
         answer
     }
 
-    /// What the engine announces to keep this command from starting it now.
+    /// Reasons that the engine announces for refusing a start by this command now.
     pub fn start_refusals(&self, command: Command, origin: Origin) -> Vec<Rejected> {
         let mut announced = Vec::new();
         if let Command::Run(demand) = command {
@@ -287,7 +287,7 @@ impl Scenario {
         announced
     }
 
-    /// What would be answered to a command now.
+    /// Answer that a command would get now.
     pub fn would_answer(&self, command: Command) -> Result<Accepted, Rejected> {
         self.clone().command(command)
     }
@@ -312,7 +312,7 @@ impl Scenario {
         }
     }
 
-    /// Armed, in standby, and everything is ready for a start by RC.
+    /// Armed, in standby and ready for a start by RC.
     pub fn ready(ecu: Ecu, config: EngineConfig) -> Self {
         let mut scenario = Self::with(ecu, config);
         scenario.reports(Reports::Standby).pass_us(2 * SECOND);
@@ -340,7 +340,7 @@ impl Scenario {
     pub fn started_with(ecu: Ecu, config: EngineConfig, demand: Demand) -> Self {
         let mut scenario = Self::risen(ecu, config, demand);
         if ecu == Ecu::Zk {
-            // What was sent is known to have reached it when it is received again.
+            // The demand is known to have reached the ECU when it is received again.
             scenario.pass_us(FRAME_PERIOD_US);
             scenario.command(Command::Run(demand)).unwrap();
         }
@@ -367,14 +367,14 @@ impl Scenario {
         scenario
     }
 
-    /// What the ECU is sent now, as its frames say it.
+    /// The frame that the ECU is sent now.
     pub fn wire(&mut self) -> Wire {
         self.bench.frames();
         self.pass_us(4 * FRAME_PERIOD_US);
         self.sent().pop().expect("something goes out")
     }
 
-    /// What the ECU was sent since the last call. ID 0 and what is no switch or demand are left out.
+    /// Frames sent to the ECU since the last call, without ID 0 and others that carry no switch or demand.
     pub fn sent(&mut self) -> Vec<Wire> {
         let ecu = self.ecu;
         self.bench.bytes().into_iter().filter_map(|bytes| Wire::read(ecu, &bytes)).collect()

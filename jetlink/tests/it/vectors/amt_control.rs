@@ -23,7 +23,7 @@ fn amt_10_control_messages_have_these_bytes() {
     }
 }
 
-/// AMT-10: the wire has steps of 0.5 %; what lies between goes down, never up.
+/// AMT-10: the wire has steps of 0.5 %; values in between are rounded down, never up.
 #[test]
 fn amt_10_throttle_is_rounded_down() {
     for tenths in 0..=1000u16 {
@@ -35,7 +35,7 @@ fn amt_10_throttle_is_rounded_down() {
     }
 }
 
-/// AMT-10: what an ECU ignores is no control message.
+/// AMT-10: messages that an ECU ignores are not control messages.
 #[test]
 fn amt_10_damaged_messages_are_refused() {
     use amt::{Control, ControlError};

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// The one frame of some bytes.
+/// The only frame in these bytes.
 fn amt_frame(bytes: &[u8]) -> amt::Frame {
     let mut decoder = amt::Decoder::new();
     let (taken, frame) = decoder.feed(bytes);
@@ -101,7 +101,7 @@ fn amt_4_each_engine_has_its_id() {
     }
 }
 
-/// AMT-5: rpm in steps of 500 or 700, and no scale where the document has none.
+/// AMT-5: rpm in steps of 500 or 700, and no scale if the document has none.
 #[test]
 fn amt_5_each_engine_has_its_rpm_step() {
     use amt::EngineModel::{Lynx, Mercury, Nike, Olympus, Orion, Pegasus, Titan};
@@ -141,7 +141,7 @@ fn amt_6_each_engine_has_its_voltage_scale() {
             assert_eq!(scale.is_some(), full_scale.is_some(), "{engine:?} {kind}");
             let (Some(scale), Some(full_scale)) = (scale, full_scale) else { continue };
             for raw in 0..=254u8 {
-                // Nearest mV to raw × full scale / 255, without the library's way to round.
+                // Nearest mV to raw × full scale / 255, rounded independently of the library.
                 let exact = f64::from(raw) * f64::from(full_scale) / 255.0;
                 let expected = offset + exact.round() as u32;
                 assert_eq!(scale.millivolts(raw).get(), expected, "{engine:?} {kind} {raw}");

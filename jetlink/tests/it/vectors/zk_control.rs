@@ -178,10 +178,10 @@ fn zk_2_the_printed_control_examples_are_what_is_sent() {
     assert_eq!(throttle(Switch::Run, 500).encode(), [0xFF, 0x1D, 0xF4, 0x70]);
 }
 
-/// ZK-2: reserved bits are sent as 0, and one that is set is no frame of a host of ours.
+/// ZK-2: reserved bits are sent as 0; a frame with one set is not from our host.
 #[test]
 fn zk_2_reserved_bits_are_zero() {
-    // ID, bits of byte 1 and of byte 2 that carry something.
+    // ID, and the used bits of byte 1 and byte 2.
     for (id, used1, used2) in [
         (0, 0x0, 0x00),
         (2, 0x0, 0xFF),
@@ -224,7 +224,7 @@ fn zk_4_pressure_is_id_8_and_ends_at_1023() {
 
 #[test]
 fn a_parameter_outside_its_range_is_refused() {
-    // bytes 1 and 2, what is refused
+    // bytes 1 and 2, refused value
     for (byte1, byte2, value) in [
         (0x13, 0xE9, 1001), // throttle
         (0x1F, 0xFF, 1023),
@@ -279,7 +279,7 @@ fn zk_7_each_command_needs_its_version() {
     }
 }
 
-/// ZK-8: the numbers that are sent and those that are reported differ.
+/// ZK-8: sent numbers and reported numbers differ.
 #[test]
 fn zk_8_switches_are_numbered_apart_as_sent_and_as_reported() {
     // sent: SW in byte 1 bits 3 and 2
@@ -374,7 +374,7 @@ fn zk_12_amt_1_a_byte_takes_its_bits_at_every_baud_rate() {
     assert_eq!(Line::BAUD_RATES, [2400, 4800, 9600, 19_200, 38_400, 57_600, 115_200]);
     for baud in Line::BAUD_RATES {
         assert!(Line::new(baud).is_printed_rate());
-        // The time is that of the bits, rounded up by less than a microsecond.
+        // The time of the bits, rounded up by less than 1 µs.
         for (line, bits) in [(Line::new(baud), 10), (Line::with_two_stop_bits(baud), 11)] {
             assert_eq!(line.bits_per_byte(), bits);
             for bytes in [1, 4, 5, 6, 7, 18] {

@@ -2,12 +2,12 @@
 
 use super::*;
 
-/// A field of a status frame: where its bits are in bytes 3, 4 and 5, and how it comes out.
+/// A field of a status frame: its bits in bytes 3, 4 and 5, and its value.
 struct Field {
     name: &'static str,
     /// Bits of bytes 3, 4, 5, from the least significant bit of the value up.
     bits: Vec<(usize, u8)>,
-    /// One step of the value, and the value of 0.
+    /// Size of one step, and the value of raw 0.
     step: i64,
     zero: i64,
     get: fn(Status) -> i64,
@@ -18,7 +18,7 @@ fn bits(byte: usize, high: u8, low: u8) -> Vec<(usize, u8)> {
     (low..=high).map(|bit| (byte - 3, bit)).collect()
 }
 
-/// As the document writes `{high part, low part}`.
+/// In the document's notation: `{high part, low part}`.
 fn concat(high: Vec<(usize, u8)>, low: Vec<(usize, u8)>) -> Vec<(usize, u8)> {
     low.into_iter().chain(high).collect()
 }
@@ -28,7 +28,7 @@ fn all<T: Copy>(value: Since<T>) -> T {
     value.unless_older(None).expect("no version is known")
 }
 
-/// ZK-7: thrust from version 2 on, all of ID 8 but the idle rpm from version 4 on. Without a version both ways of reading differ.
+/// ZK-7: thrust from version 2 on, all of ID 8 but the idle rpm from version 4 on. Without a version both readings are given.
 #[test]
 fn zk_7_fields_of_later_versions_are_read_from_their_version_on() {
     let (Status::Load { thrust, .. }, Status::Idle { details, .. }) = (status(4, [0; 3]), status(8, [0; 3]))
@@ -115,7 +115,7 @@ fn status_fields(id: u8) -> Vec<Field> {
     }
 }
 
-/// ZK-5: each bit of a status frame belongs to one field, with one weight, and leaks into no other.
+/// ZK-5: each bit of a status frame belongs to one field, with one weight, and affects no other.
 #[test]
 fn zk_5_every_bit_of_a_status_belongs_to_its_field() {
     for id in 1..=9 {
@@ -201,7 +201,7 @@ fn zk_11_the_reported_rate_has_its_code() {
     }
 }
 
-/// ZK-6: 0.1 V up to version 3, 0.2 V from version 4, and nothing while the version is not known.
+/// ZK-6: 0.1 V up to version 3, 0.2 V from version 4, and no value while the version is unknown.
 #[test]
 fn zk_6_voltage_scale_follows_the_version() {
     for raw in [0, 1, 127, 255] {

@@ -53,8 +53,8 @@ fn in_doubt_only_keep_alives_and_in_mode_3_the_rpm_are_sent() {
     assert_eq!(slots(&mut bench, 10), vec![zk::keep_alive().to_vec(); 10]);
 }
 
-/// The pump is closed by ten frames of ID 2, parameter 13, in every second slot, behind the first frame of a stop, whatever
-/// the version and whatever is received. It ends sooner where the ECU reports a pump without voltage.
+/// The pump is closed by ten frames of ID 2, parameter 13, in every second slot after the first frame of a stop, whatever
+/// the version and whatever is received. It ends sooner if the ECU reports a pump without voltage.
 #[test]
 fn the_pump_is_closed_by_ten_frames_beside_every_stop() {
     for (order, sw) in [(Order::EmergencyStop, STOP), (Order::Standby, STANDBY)] {
@@ -79,7 +79,7 @@ fn the_pump_is_closed_by_ten_frames_beside_every_stop() {
                 let count = frames.iter().filter(|frame| closes(frame)).count();
                 assert_eq!(
                     count,
-                    // One that was measured less than 0.1 s after the first frame may be from before it.
+                    // A voltage measured less than 0.1 s after the first frame may be from before it.
                     if voltage == Some(0) { 2 } else { 10 },
                     "{order:?} {version:?} {voltage:?}"
                 );
@@ -93,13 +93,13 @@ fn the_pump_is_closed_by_ten_frames_beside_every_stop() {
             }
         }
     }
-    // Beside the link that has none to close.
+    // The control: a link without an open pump.
     let mut bench = ecu(5);
     bench.order(bench.now_us(), Order::Standby).unwrap();
     assert!(slots(&mut bench, 40).iter().all(|frame| id(frame) == 1));
 }
 
-/// ZK-13: what closes the pump does not come between an unlock and its command.
+/// ZK-13: a frame that closes the pump does not come between an unlock and its command.
 #[test]
 fn zk_13_closing_the_pump_does_not_separate_an_unlock_from_its_command() {
     for slots_before in 0..4 {
@@ -118,7 +118,7 @@ fn zk_13_closing_the_pump_does_not_separate_an_unlock_from_its_command() {
     }
 }
 
-/// What each status reports about the life of the engine: ID 1 its state and its shaft, the others the shaft alone.
+/// The observation from each status about the life of the engine: ID 1 its state and shaft, the others only the shaft.
 #[test]
 fn each_status_gives_the_observation_of_its_state() {
     // Idle speed in 1000 rpm, maximum, and half of idle or its substitute.
@@ -164,8 +164,8 @@ fn each_status_gives_the_observation_of_its_state() {
     }
 }
 
-/// A gap begins three of the ECU's intervals behind its last frame, the slower one of what it reports and what it was commanded.
-/// Damaged frames prevent a gap; half a frame does not.
+/// A gap begins three of the ECU's intervals after its last frame, at the slower of the reported and the commanded rate. Damaged
+/// frames prevent a gap; half a frame does not.
 #[test]
 fn three_missing_frames_are_a_gap() {
     let gap = |bench: &Bench<ZkLink>| bench.machine.gap_at().map(|at| at.as_micros());

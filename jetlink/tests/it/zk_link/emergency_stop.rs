@@ -56,7 +56,7 @@ fn zk_9_an_emergency_stop_in_mode_3_begins_with_id_6() {
     }
 }
 
-/// Nothing takes the slot of a stop: no rate, no service, no pressure, no unlock.
+/// No rate, service, pressure or unlock takes the slot of a stop.
 #[test]
 fn an_emergency_stop_pre_empts_everything() {
     let mut bench = link(Config { rate: Rate::Hz50, ..Config::DEFAULT }, LINE);
@@ -66,7 +66,7 @@ fn an_emergency_stop_pre_empts_everything() {
     bench.order(bench.now_us(), Order::Standby).unwrap();
     service(&mut bench, curve(30)).unwrap();
     bench.order(bench.now_us(), Order::EmergencyStop).unwrap();
-    // By ID 1, and in case that another host used it by ID 6.
+    // As ID 1, and as ID 6 in case another host used it.
     let stops = [zk::throttle(STOP, 0), zk::mode(0, STOP)];
     let frames = slots(&mut bench, 200);
     assert_eq!(frames[..2], stops);
@@ -101,8 +101,8 @@ fn zk_9_an_emergency_stop_alternates_id_1_and_id_6() {
     }
 }
 
-/// ZK-7, ZK-9: below version 4 a stop is ID 1 alone. Where no two reports have confirmed the version, it goes by ID 6 as
-/// well, which lower versions ignore.
+/// ZK-7, ZK-9: below version 4 a stop is ID 1 alone. Until two reports have confirmed the version, it is also sent as ID
+/// 6, which lower versions ignore.
 #[test]
 fn zk_9_an_emergency_stop_below_version_4_is_id_1() {
     for version in [1, 3] {
@@ -129,8 +129,8 @@ fn zk_9_an_emergency_stop_below_version_4_is_id_1() {
     }
 }
 
-/// ZK-9: where ID 6 was used before a reset, as the record says, a standby and a stop go by ID 1 and ID 6 alternately, with
-/// nothing received as well. A run waits for the version (ZK-7).
+/// ZK-9: where ID 6 was used before a reset, as the record says, a standby and a stop are sent as ID 1 and ID 6
+/// alternately, even if nothing is received. A run waits for the version (ZK-7).
 #[test]
 fn zk_9_after_a_reset_a_stop_and_a_standby_are_sent_in_id_1_and_id_6() {
     for (order, sw) in [(Order::Standby, STANDBY), (Order::EmergencyStop, STOP)] {
@@ -158,8 +158,8 @@ fn zk_9_after_a_reset_a_stop_and_a_standby_are_sent_in_id_1_and_id_6() {
     assert_eq!(ids(&slots(&mut bench, 10))[1..], [1; 9]);
 }
 
-/// ZK-9: which of two frames goes first, and that the one that a new RPM_X gives a meaning to follows it directly,
-/// out of slot. ZK-8: a hand-over is sent in ID 1 before ID 6 lets go.
+/// ZK-9: which of two frames goes first, and that the frame affected by a new RPM_X follows it directly, out of
+/// slot. ZK-8: a hand-over is sent in ID 1 before ID 6 releases the switch.
 #[test]
 fn zk_9_the_two_frames_of_an_order_are_sent_in_a_safe_sequence() {
     let (run, demand) = (throttle(300), rpm(80_000));
@@ -273,7 +273,7 @@ fn zk_9_an_ecu_that_ran_already_gets_its_switch_by_id_6() {
     let mut at_rest = ecu(4);
     at_rest.order(at_rest.now_us(), order).unwrap();
     assert_eq!(ids(&slots(&mut at_rest, 10)), [1; 10], "it was at rest");
-    // A version that one report alone gives is not used.
+    // A version from a single report is not used.
     let mut once = link(Config::DEFAULT, LINE);
     once.receive(&zk::identity(160, 4, 0));
     runs(&mut once);
@@ -295,12 +295,12 @@ fn zk_9_after_a_reset_a_switch_of_id_1_stays_there() {
         bench.order(bench.now_us(), order).unwrap();
         assert_eq!(ids(&slots(&mut bench, 10)), [1; 10]);
         record = bench.machine.record();
-        // The order ends, and the engine is found running once more: nothing is known of it.
+        // The order ends, and the engine is found running once more: its switch is unknown.
         bench.order(bench.now_us(), Order::Listen).unwrap();
         bench.order(bench.now_us(), order).unwrap();
         assert!(ids(&slots(&mut bench, 10)).contains(&6));
     }
-    // Nothing is known of a switch where the state was not known at the order, or the engine was found running.
+    // The switch is unknown if the state was unknown at the order, or the engine was found running.
     let mut unheard = ecu(4);
     unheard.order(unheard.now_us(), order).unwrap();
     assert_eq!(unheard.machine.record(), LinkRecord::EMPTY);
@@ -375,8 +375,8 @@ fn zk_9_an_ecu_found_in_mode_3_is_reached_in_time() {
     }
 }
 
-/// ZK-6, ZK-9: what a frame reports of version, maximum and idle rpm is taken when two in a row say the same, also of the
-/// first: one damaged frame in 256 passes the CRC.
+/// ZK-6, ZK-9: version, maximum and idle rpm are accepted when two consecutive frames agree, also at first: one damaged
+/// frame in 256 passes the CRC.
 #[test]
 fn zk_16_one_odd_frame_changes_no_identity() {
     let known = |bench: &Bench<ZkLink>| {
@@ -437,7 +437,7 @@ fn zk_7_a_later_version_needs_four_reports() {
     }
 }
 
-/// The control: without the stop all of them go out.
+/// The control: without the stop all of them are sent.
 #[test]
 fn without_an_emergency_stop_all_frames_are_sent() {
     let mut bench = link(Config { rate: Rate::Hz50, ..Config::DEFAULT }, LINE);

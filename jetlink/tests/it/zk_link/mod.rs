@@ -55,7 +55,7 @@ fn link(config: Config, line: Line) -> Bench<ZkLink> {
     Bench::new(ZkLink::new(config, line, Config::TIMING), line)
 }
 
-/// An ECU of a version with a maximum of 160 000 rpm, at the rate that is wanted, in standby.
+/// An ECU of a version with a maximum of 160 000 rpm, at the wanted rate, in standby.
 fn ecu(version: u8) -> Bench<ZkLink> {
     ecu_with(Config::DEFAULT, version, 160)
 }
@@ -162,7 +162,7 @@ fn ids(frames: &[Vec<u8>]) -> Vec<u8> {
     frames.iter().map(|frame| id(frame)).collect()
 }
 
-/// What an ECU makes of the frames it gets, by chapter 3 and the notes to IDs 1, 6 and 7 of the document.
+/// How an ECU handles frames, by chapter 3 and the notes to IDs 1, 6 and 7 of the document.
 #[derive(Clone, Debug, Default)]
 struct SimpleEcu {
     id1: (u8, u16),
@@ -213,9 +213,9 @@ enum Step {
     Order(Order),
     Service(Service),
     Pressure(u16),
-    /// A wake-up so much behind or before the deadline.
+    /// A wake-up before or after the deadline.
     Timeout,
-    /// Nobody looks for this time.
+    /// No wake-up for this time.
     Asleep(u64),
 }
 

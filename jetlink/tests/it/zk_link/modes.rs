@@ -38,7 +38,7 @@ fn zk_9_mode_2_has_the_switch_in_id_6() {
     }
 }
 
-/// ZK-7: mode 2 is of version 4. Before two reports agree on the version, and below 4, ID 1 carries both.
+/// ZK-7: mode 2 needs version 4. Before two reports agree on the version, and below 4, ID 1 carries both.
 #[test]
 fn zk_7_mode_2_waits_for_version_4() {
     let config = Config { split_switch: true, ..Config::DEFAULT };
@@ -98,8 +98,8 @@ fn zk_9_rpm_x_covers_every_maximum() {
     }
 }
 
-/// Any way from one order to another, by mode: (order before, order after, SW that the ECU must end up with).
-/// ZK-8: SW 0 is never sent on the way.
+/// Any transition from one order to another, by mode: (order before, order after, SW that the ECU must end up
+/// with). ZK-8: SW 0 is never sent on the way.
 #[test]
 fn zk_8_no_transition_hands_over_to_pwm() {
     let orders =
@@ -133,7 +133,7 @@ fn zk_8_no_transition_hands_over_to_pwm() {
     }
 }
 
-/// ZK-8: SW 0 goes out when the hand-over is ordered by name, and takes ID 6 out of the way first.
+/// ZK-8: SW 0 is sent only when the hand-over is ordered by name, after ID 6 has released the switch.
 #[test]
 fn zk_8_only_its_own_command_hands_over_to_pwm() {
     for before in [Order::Standby, throttle(500), rpm(80_000)] {
@@ -162,7 +162,7 @@ fn zk_9_a_stop_reaches_an_ecu_that_was_left_in_mode_3() {
         bench.order(bench.now_us(), Order::EmergencyStop).unwrap();
         slots(&mut bench, 6).iter().for_each(|frame| ecu.obey(frame));
         assert_eq!(ecu.obeyed(), expected(Order::EmergencyStop), "left in {left_in:?}");
-        // Where nothing is known of ID 6, standby goes by ID 1, and by both when the ECU does not follow.
+        // If nothing is known about ID 6, standby is sent as ID 1, and as both when the ECU does not follow.
         let mut bench = met_running(4);
         let mut ecu = left();
         bench.order(bench.now_us(), Order::Standby).unwrap();
@@ -230,7 +230,7 @@ fn zk_9_a_stop_in_mode_3_reaches_an_ecu_whose_version_changed() {
     }
 }
 
-/// ZK-9: leaving mode 3 for a throttle, the throttle of long ago never comes into force again.
+/// ZK-9: when mode 3 is left for a throttle, an old throttle never comes into force again.
 #[test]
 fn zk_9_leaving_mode_3_uses_no_old_throttle() {
     for slots_in_mode_3 in 2..=5 {
@@ -250,8 +250,8 @@ fn zk_9_leaving_mode_3_uses_no_old_throttle() {
     }
 }
 
-/// ZK-8, ZK-9: a hand-over from mode 3 leads from run to PWM, and not through the switch that ID 1 carried before
-/// the start.
+/// ZK-8, ZK-9: a hand-over from mode 3 goes from run to PWM, not through the switch that ID 1 had before the
+/// start.
 #[test]
 fn zk_8_a_hand_over_from_mode_3_never_stops_the_engine() {
     let mut bench = running(4);
@@ -322,7 +322,7 @@ fn zk_9_entering_mode_3_again_uses_no_old_rpm() {
 }
 
 /// ZK-7: an ECU at rest that reports an older version in two frames was never sent an ID 6, so another one was plugged in: standby is
-/// sent to it by ID 1 alone. Where it still runs, or the version has ID 6, both take turns.
+/// sent to it by ID 1 alone. If it still runs, or the version has ID 6, both alternate.
 #[test]
 fn zk_7_standby_is_not_sent_by_id_6_to_an_older_ecu_at_rest() {
     for (version, state, by_id6) in

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// ZK-14: once a second, while the ECU requests it and a fresh pressure is known; never one made up.
+/// ZK-14: once a second, while the ECU requests it and a fresh pressure is known; never an invented one.
 #[test]
 fn zk_14_pressure_is_sent_once_a_second_when_requested_known_and_fresh() {
     let sent = |bench: &mut Bench<ZkLink>| -> Vec<(u64, Vec<u8>)> {

@@ -1,4 +1,4 @@
-//! What holds whatever the schedule is.
+//! Properties of any schedule.
 
 use super::*;
 
@@ -32,9 +32,9 @@ fn step() -> impl Strategy<Value = Step> {
 }
 
 proptest! {
-    /// Whatever comes whenever: never two transmissions at once and no deadline that is over (the bench checks
-    /// both); every frame is one of the document; SW 0 never goes out (ZK-8); an unlock is followed by its command
-    /// or by an order that calls it off (ZK-13); behind an emergency stop there is nothing but stops; silence yields "lost" once.
+    /// In any schedule: never two transmissions at once and no deadline in the past (the bench checks both); every frame is one
+    /// of the document; SW 0 is never sent (ZK-8); an unlock is followed by its command or by an order that cancels it (ZK-13);
+    /// after an emergency stop there are only stops; silence yields "lost" once.
     #[test]
     fn zk_8_zk_13_in_any_schedule_every_frame_is_one_of_the_document(
         split_switch in any::<bool>(),
@@ -104,7 +104,7 @@ proptest! {
     }
 }
 
-/// The frames behind a stop are stops.
+/// The frames after a stop are stops.
 fn check_stops(frames: &[Vec<u8>], from: Option<usize>) -> Result<(), TestCaseError> {
     for frame in from.map_or(&[][..], |from| &frames[from..]) {
         prop_assert_eq!(switch_of(frame), Some(STOP), "{:02x?} behind an emergency stop", frame);

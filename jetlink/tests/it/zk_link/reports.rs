@@ -1,4 +1,4 @@
-//! Link state, and what is known of the ECU.
+//! Link state, and reports of the ECU.
 
 use super::*;
 
@@ -88,7 +88,7 @@ fn zk_8_each_state_has_its_phase_and_reported_switch() {
     }
 }
 
-/// Every status ID lands in the report, with the time that it came.
+/// Every status ID is stored in the report, with its time.
 #[test]
 fn zk_5_values_carry_their_time() {
     let mut bench = link(Config::DEFAULT, LINE);
@@ -189,7 +189,7 @@ fn zk_16_a_corrupted_frame_is_counted() {
     assert_eq!(bench.machine.status().report.phase.unwrap().value, Phase::Stopped);
 }
 
-/// A byte that a failed read has lost is counted with its error.
+/// A byte lost by a failed read is counted with its error.
 #[test]
 fn line_errors_and_lost_bytes_are_counted() {
     let mut bench = link(Config::DEFAULT, LINE);
@@ -224,7 +224,7 @@ fn values_of_frames_with_a_line_error_are_discarded_and_the_next_ones_count() {
     }
 }
 
-/// The samples of a bit differed, and most of them decided: that is left to the CRC, because an edge that is always a little late
+/// The samples of a bit differed, and the majority decided: the CRC handles this, because an edge that is always a little late
 /// would cost every frame.
 #[test]
 fn a_noise_error_alone_discards_nothing() {
@@ -238,7 +238,7 @@ fn a_noise_error_alone_discards_nothing() {
     assert_eq!((status.counters.damaged_frames, status.counters.noise_errors), (0, 2));
 }
 
-/// Frames of which one byte had an error, whatever the reads were; the others count.
+/// Frames with an error in one byte, however the bytes were read; the others count.
 #[test]
 fn a_line_error_discards_each_frame_that_its_bytes_may_be_in() {
     let frame = zk::state(STATE_RUNNING);
@@ -266,7 +266,7 @@ fn a_line_error_discards_each_frame_that_its_bytes_may_be_in() {
     assert_eq!(damaged(&[(true, &across), (false, last), (false, &frame)]), (3, 2), "in one and a half");
 }
 
-/// A byte that a failed read has lost damages the frame that it was in, whatever the CRC of what is left.
+/// A byte lost by a failed read damages the frame that contained it, whatever the CRC of the rest.
 #[test]
 fn a_lost_byte_damages_the_frame_that_it_was_in_only() {
     let frame = zk::state(STATE_RUNNING);

@@ -2,8 +2,8 @@
 
 use super::*;
 
-/// ZK-10: something is sent in every slot, ID 0 when nothing is ordered, also into silence. ZK-11: the slots keep
-/// the status rate to the tick.
+/// ZK-10: a frame is sent in every slot, ID 0 when nothing is ordered, even if nothing is received. ZK-11: the
+/// slots keep the status rate to the tick.
 #[test]
 fn zk_10_zk_11_a_frame_is_sent_in_every_send_slot() {
     for (rate, every) in [(Rate::Hz20, 50_000), (Rate::Hz50, 20_000), (Rate::Hz100, 10_000)] {
@@ -18,10 +18,10 @@ fn zk_10_zk_11_a_frame_is_sent_in_every_send_slot() {
     }
 }
 
-/// ZK-10: a slot that comes late is not made up for, and the beat stays.
+/// ZK-10: a late slot is not made up for, and the schedule stays.
 #[test]
 fn zk_10_a_late_send_slot_causes_no_burst() {
-    // Woken so late; the next two slots are then due.
+    // Wake-up this late; then the times of the next two slots.
     for (late, next) in [(1, [100_000, 150_000]), (30_000, [100_000, 150_000]), (49_000, [100_000, 150_000])]
     {
         let mut bench = link(Config::DEFAULT, Line::new(115_200));
@@ -57,7 +57,7 @@ fn zk_10_a_late_send_slot_causes_no_burst() {
     }
 }
 
-/// A slot while the UART is still sending is skipped and counted; the one behind it goes out.
+/// A slot while the UART is still sending is skipped and counted; the next one is used.
 #[test]
 fn a_send_slot_while_the_uart_is_busy_is_skipped() {
     let mut bench = link(Config::DEFAULT, LINE).by_hand();
@@ -71,7 +71,7 @@ fn a_send_slot_while_the_uart_is_busy_is_skipped() {
     assert_eq!(bench.machine.status().counters.write_timeouts, 1);
 }
 
-/// ZK-12: at the slowest line a frame is over before the next slot.
+/// ZK-12: on the slowest line a frame ends before the next slot.
 #[test]
 fn zk_12_the_slowest_line_carries_every_send_slot() {
     for line in [Line::new(2400), Line::with_two_stop_bits(2400)] {

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// ZK-13: ID 3 immediately before ID 4 or 5, with nothing in between, and status ID 5 confirms.
+/// ZK-13: ID 3 immediately before ID 4 or 5, and status ID 5 confirms.
 #[test]
 fn zk_13_an_unlock_is_sent_immediately_before_its_command() {
     for (command, frame, before, shown) in [
@@ -15,7 +15,7 @@ fn zk_13_an_unlock_is_sent_immediately_before_its_command() {
         bench.run_to_us(90_000);
         // In the slot, and right behind the unlock's last stop bit: 4167 µs at 9600 baud.
         assert_eq!(bench.frames(), [(50_000, zk::unlock().to_vec()), (54_167, frame.to_vec())]);
-        // When its last stop bit is out.
+        // When its last stop bit is sent.
         assert_eq!(bench.events(), [(58_334, Event::ServiceSent(command))]);
         bench.receive(&before);
         assert_eq!(bench.event_kinds(), [], "the old value confirms nothing");
@@ -84,8 +84,8 @@ fn zk_13_a_stop_between_unlock_and_command_is_sent_first() {
     );
 }
 
-/// A service command that a stop pre-empted is over: a drain or a new curve minutes later would surprise, when the
-/// stop is released.
+/// A service command pre-empted by a stop is cancelled: a drain or a new curve minutes later, when the stop is
+/// released, would be a surprise.
 #[test]
 fn a_stop_ends_a_waiting_service_command() {
     for command in [action(Action::Drain), curve(40)] {
@@ -97,7 +97,7 @@ fn a_stop_ends_a_waiting_service_command() {
         bench.frames();
         bench.order(bench.now_us(), Order::Standby).unwrap();
         let frames = slots(&mut bench, 20);
-        // With the ECU silent for this long the stop went by ID 6 as well.
+        // With the ECU silent for this long, the stop was also sent as ID 6.
         assert!(frames.iter().all(|frame| matches!(id(frame), 1 | 6)), "{command:?}: {frames:02x?}");
         let reported = bench.event_kinds();
         assert_eq!(reported.iter().filter(|event| **event == Event::ServiceFailed(command)).count(), 1);
@@ -146,7 +146,7 @@ fn an_order_to_run_ends_a_waiting_service_command() {
         let mut bench = ecu(5);
         bench.order(bench.now_us(), Order::Standby).unwrap();
         slots(&mut bench, 1);
-        // The rate has the next slot, so the command waits until the order to run is out.
+        // The rate has the next slot, so the command waits until the order to run has been sent.
         service(&mut bench, action(Action::Rate20Hz)).unwrap();
         service(&mut bench, command).unwrap();
         bench.order(bench.now_us(), throttle(0)).unwrap();
@@ -219,7 +219,7 @@ fn an_action_is_reported_when_it_was_sent() {
     assert_eq!(bench.events(), [(54_167, Event::ServiceSent(action(Action::Drain)))]);
 }
 
-/// A service command that never gets through is tried three times, and has then failed.
+/// A service command that never gets through is tried three times, then fails.
 #[test]
 fn a_service_command_that_never_gets_through_has_failed() {
     for command in [action(Action::Drain), curve(40)] {

@@ -1,4 +1,4 @@
-//! What goes out until the engine runs.
+//! Frames sent until the engine runs.
 
 use super::*;
 
@@ -8,7 +8,7 @@ fn turning(state: u8) -> [u8; 7] {
     zk::status(1, 50_000, [state, switch << 5, 76])
 }
 
-/// The supervision on top of the link: ordered to start, with the stick at 60 % behind it.
+/// The supervision on top of the link: ordered to start, then with the stick at 60 %.
 fn started() -> Bench<BenchEngine> {
     started_with(3)
 }
@@ -29,18 +29,18 @@ fn started_with(version: u8) -> Bench<BenchEngine> {
     bench
 }
 
-/// A status of the ECU, and what goes out up to the next slot while the source commands 60 %.
+/// Feeds a status of the ECU, and returns the frame of the next slot while the source commands 60 %.
 fn engine_slot(bench: &mut Bench<BenchEngine>, frame: &[u8]) -> Vec<u8> {
     let mut frames = engine_slot_with(bench, frame, Demand::Throttle(Throttle::from_percent(60).unwrap()));
     assert_eq!(frames.len(), 1, "{frames:02x?}");
     frames.remove(0)
 }
 
-/// The same with another demand, and all that goes out.
+/// The same with another demand, and all frames sent.
 fn engine_slot_with(bench: &mut Bench<BenchEngine>, frame: &[u8], demand: Demand) -> Vec<Vec<u8>> {
     let t = (bench.now_us() / SEND_SLOT_US + 1) * SEND_SLOT_US;
     bench.rx_at_us(t - 10_000, frame);
-    // Refused while it is no start yet.
+    // Refused while it is not yet a start.
     let _ = bench.act(|engine, now| engine.command(now, Command::Run(demand), Origin::Rc, true));
     bench.frames();
     bench.run_to_us(t + 5_000);
@@ -65,7 +65,7 @@ fn the_demand_waits_for_a_running_engine() {
             assert!(tenths.abs_diff((slot * 25).min(600)) <= 25, "{tenths} at slot {slot}");
         }
         assert_eq!(engine_slot(&mut bench, &turning(running)), zk::throttle(RUN, 600));
-        // ZK-15: a state without a name ends nothing.
+        // ZK-15: an unnamed state ends nothing.
         for _ in 0..10 {
             assert_eq!(engine_slot(&mut bench, &turning(STATE_UNKNOWN)), zk::throttle(RUN, 600));
         }
@@ -160,7 +160,7 @@ fn phase_of(state: u8) -> Phase {
     }
 }
 
-/// In mode 3 the demand stays at the engine's idle rpm until it runs, at 0 while that is not known.
+/// In mode 3 the demand stays at the engine's idle rpm until it runs, at 0 while that is unknown.
 #[test]
 fn the_rpm_waits_for_a_running_engine() {
     for (idle, demand, target) in

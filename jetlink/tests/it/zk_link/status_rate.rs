@@ -28,7 +28,7 @@ fn zk_11_rate_is_set_and_confirmed() {
     }
 }
 
-/// ZK-11: ordered again every second, five times, then given up; an ECU that was lost gets the order again.
+/// ZK-11: ordered again every second, five times, then given up; after a loss the ECU gets the order again.
 #[test]
 fn zk_11_rate_is_retried_and_given_up() {
     let mut bench = link(Config { rate: Rate::Hz50, ..Config::DEFAULT }, LINE);

@@ -1,9 +1,9 @@
-//! What each protocol version is sent.
+//! Commands sent to each protocol version.
 
 use super::*;
 
-/// ZK-7: a command that the ECU's version does not know is refused with both versions; while no two reports agree on the
-/// version only version 1 commands are taken.
+/// ZK-7: a command that the ECU's version does not know is refused with both versions; until two reports agree on the
+/// version, only version 1 commands are accepted.
 #[test]
 fn zk_7_each_version_is_sent_only_its_commands() {
     let services = Action::ALL
@@ -56,7 +56,7 @@ fn zk_7_the_version_does_not_outlive_the_link() {
     let mut bench = ecu(5);
     bench.receive(&zk::idle(30, false));
     bench.receive(&zk::idle(30, false));
-    // 0.5 s without a frame is a loss; less is none.
+    // 0.5 s without a frame is a loss; less is not.
     bench.run_to_us(bench.now_us() + 499_999);
     assert_eq!((known(&bench), bench.machine.speed_control()), ((true, true, true), Ok(())));
     bench.run_to_us(bench.now_us() + 1);

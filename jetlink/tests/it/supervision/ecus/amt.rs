@@ -27,10 +27,10 @@ impl WorldEcu for AmtEcu {
         let last = self.commands.last().map(|(_, command)| *command);
         Truth {
             reports_running: turbine.running,
-            // Its document has no state for cooling: a stopped shaft is all there is.
+            // Its document has no state for cooling: only the stopped shaft shows standby.
             standby: !turbine.live && self.turbine().rpm() < 1000.0,
             faulty: self.errors() != 0,
-            // Bit 3: it calls its sensor faulty. 300 °C is the default, and one step of EGT is 4.6 °C.
+            // Bit 3: it reports its sensor as faulty. 300 °C is the default, and one step of EGT is 4.6 °C.
             reports_cold: self.errors() & 1 << 3 == 0 && turbine.egt <= 310.0,
             obeyed: last.map_or(0, |command| u16::from(command.throttle_half_percent) * 5),
             obeys_run: last.is_some_and(|command| command.ops == Ops::Run),

@@ -1,5 +1,5 @@
-//! The ECUs of the worlds, by protocol. A new protocol is a file, with its `mod` line and its place in `random`: what
-//! follows is made from the table of protocols.
+//! The ECUs of the worlds, by protocol. A new protocol needs a file, its `mod` line and its place in `random`: the
+//! rest is made from the table of protocols.
 
 mod amt;
 mod vendor;
@@ -19,7 +19,7 @@ pub fn random(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {
 
 macro_rules! ecus {
     ($($(#[$doc:meta])* $name:ident $module:ident($config:ty, $ecu:ty, $command:ty);)+) => {
-        /// Whether an ECU holds an rpm by itself.
+        /// Whether an ECU governs the rpm itself.
         pub const fn holds_rpm(config: &AnyConfig) -> bool {
             match config {
                 $(AnyConfig::$name(config) => $module::holds_rpm(config),)+

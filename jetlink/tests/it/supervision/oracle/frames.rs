@@ -1,9 +1,9 @@
-//! What goes out on the wire: every control frame, judged.
+//! Judges every control frame on the wire.
 
 use super::*;
 
 impl Oracle {
-    /// True if this frame is that of a start, and not one that was ordered some time ago while the transmitter hung.
+    /// Returns true if this frame begins a start that was not ordered earlier, while the transmitter hung.
     pub fn frame(&mut self, at: u64, frame: Frame) -> Result<bool, String> {
         // Sent before the reset, or out of a transmitter that hung.
         if at <= self.booted + TOL || (at >= self.hung.0 && at < self.hung.1) {
@@ -27,14 +27,14 @@ impl Oracle {
                 || self.config.supervision.slew.up.is_some()
                 || self.rising.is_some())
         {
-            // It may have moved towards this until another demand came.
+            // It may have moved towards this demand until another one came.
             self.peak(demand);
         }
         answer
     }
 
     pub(super) fn judge(&mut self, at: u64, frame: Frame) -> Result<(), String> {
-        // A frame and a command at the same instant: the demand before may still be in it.
+        // A frame and a command at the same instant: the previous demand may still be in it.
         if let Some((_, Source { changed, before: Intent::Run(demand), .. })) = self.active_source(at)
             && at < changed + TOL
         {
@@ -80,7 +80,7 @@ impl Oracle {
 
     /// A stop or standby.
     pub(super) fn ended(&mut self, at: u64, frame: Frame) -> Result<(), String> {
-        // What goes out now may have been decided since the last frame, whoever has commanded since.
+        // The frame sent now may have been decided at any time since the last one, whoever has commanded since.
         let reason = self.standby_reason.is_some_and(|since| since + TOL >= self.last_run);
         if self.guard && at < self.booted + 10 * SECOND && !reason && !self.ended_by_loss(at) {
             return Err(format!("(5) {frame} after a reset, with an engine that runs"));
@@ -158,7 +158,7 @@ impl Oracle {
         {
             return Err("(1) run, and every source is silent for longer than the time to standby".into());
         }
-        // Where that is not configured, it takes the silence of all sources.
+        // If that is not configured, all sources have to be silent.
         let silent =
             loss.standby_after.is_some() || self.each().all(|(_, source)| at > source.silent_from + TOL);
         if !self.reached
@@ -170,7 +170,7 @@ impl Oracle {
         if !self.uncertain(at)
             && let Some((origin, Source { intent: Intent::Standby, changed, .. })) = self.active_source(at)
             && at > fail_safe.max(changed) + loss.lower_standby_after.as_micros() + TOL
-            // It may have come to be in control this very instant.
+            // It may have taken control at this very instant.
             && self.active_source(at.saturating_sub(TOL)).is_some_and(|(before, _)| before == origin)
         {
             return Err(format!("(1) run, and {origin} commands standby, and no source a run"));
@@ -245,7 +245,7 @@ impl Oracle {
     /// After a reset.
     pub(super) fn continues(&mut self, at: u64) -> Result<(), String> {
         self.tally.resumed_runs += 1;
-        // An AMT ECU with a fault does not report the state of its engine: a hot exhaust and the retained state are all there is.
+        // An AMT ECU with a fault does not report the state of its engine: only a hot exhaust and the retained state remain.
         let burns = self.amt && self.truth.faulty && at < self.warm_at + BEHIND_FAULTY;
         let disturbed = self.truth.odd || at < self.fault_at + BEHIND_FAULTY;
         let alive = self.truth.live || at < self.live_at + BEHIND || disturbed || burns;
@@ -255,7 +255,7 @@ impl Oracle {
         if self.retained.is_none() {
             // It belongs to no source: the stages of loss begin.
             self.wanted_until = self.wanted_until.max(at);
-            // Nor does it belong to one that commanded while no order was in force, and does not command a run any more.
+            // Nor does it belong to a source that commanded while no order was in force, and no longer commands a run.
             if !matches!(self.active_source(at), Some((_, Source { intent: Intent::Run(_), .. }))) {
                 (self.in_force, self.waiting, self.lost) = (None, None, true);
             }
@@ -266,13 +266,13 @@ impl Oracle {
         self.opened = at;
         self.last_run = at;
         self.last_wanted = self.last_wanted.max(self.before_reset.0);
-        // What was commanded a moment before may have been reached when the engine was confirmed.
+        // The demand commanded just before may have been reached when the engine was confirmed.
         let steady = self.active_source(at).is_none_or(|(_, source)| at > source.changed + SECOND / 2);
         self.rising = steady.then_some((at, self.before_reset.0.max(self.truth.obeyed)));
         Ok(())
     }
 
-    /// The bounds of a demand by (3): the fail-safe value and its ramp in units of a second, with what it falls from.
+    /// The bounds of a demand by (3): the fail-safe value, its ramp per second, and the value from which it falls.
     pub(super) fn silent_bound(
         &mut self,
         at: u64,
@@ -305,8 +305,8 @@ impl Oracle {
         (throttle, rpm)
     }
 
-    /// Most of what may have been in force before, where no frame has shown it: after a reset, or where the order was given
-    /// up and the ECU's own demand taken over.
+    /// The highest demand that may have been in force before without a frame to show it: after a reset, or if the order was
+    /// given up and the ECU's own demand taken over.
     pub(super) fn unseen(&self, at: u64) -> (u16, u32) {
         if self.uncertain(at) {
             let throttle = self.before_reset.0.max(self.uncertain_throttle).max(self.truth.obeyed);
@@ -434,7 +434,7 @@ impl Oracle {
             Some(Demand::Rpm(rpm)) => rpm.get(),
             _ => 0,
         };
-        // With a slew it may still be on its way to what was commanded before.
+        // With a slew it may still be moving to the previous command.
         let sliding = if self.on_its_way(at) && !self.lost { self.max_rpm } else { 0 };
         let from = from.max(sliding);
         let limit = if self.held(at) { before.max(sliding) } else { 0 }.max(self.peak_rpm).max(wanted);
@@ -465,7 +465,7 @@ impl Oracle {
         Ok(())
     }
 
-    /// The demand may still rise to what the last source in control commanded last: by a slew or its set rate, or because the
+    /// The demand may still rise to the last command of the last source in control: by a slew or its set rate, or because the
     /// engine has just come to run.
     pub(super) fn on_its_way(&self, at: u64) -> bool {
         self.config.supervision.slew.up.is_some()

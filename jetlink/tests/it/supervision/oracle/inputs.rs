@@ -1,4 +1,4 @@
-//! What happens beside the wire: what sources command, what the ECU does, resets.
+//! Events other than frames: commands of the sources, actions of the ECU, resets.
 
 use super::*;
 
@@ -104,7 +104,7 @@ impl Oracle {
             }
             Command::Standby => self.standby_command(at, origin, answer)?,
             Command::Run(demand) => self.run_command(at, origin, demand, answer),
-            // Services and the hand-over change nothing that this judge knows.
+            // Services and the hand-over do not affect this judge.
             _ => {}
         }
         Ok(())
@@ -133,7 +133,7 @@ impl Oracle {
         Ok(())
     }
 
-    /// A source commands.
+    /// A source issues a command.
     pub(super) fn receive(&mut self, at: u64, origin: Origin, intent: Intent) {
         let age = self.age(origin);
         let return_within = self.config.supervision.return_within.as_micros();
@@ -193,9 +193,9 @@ impl Oracle {
         } else {
             let healthy = self.wire_run && self.over.is_none() && self.latched.is_none() && self.ran;
             let lately = second.is_some_and(|second| at <= second + self.age(origin).max(RUN_OUT));
-            // Behind another source it does not count, and one that is in control and commands standby has ended the run.
+            // It does not count while another source is in control; the standby of the source in control has ended the run.
             let counts = answer == Ok(Accepted::InForce);
-            // What has ended the run since the last frame ends it no more.
+            // A reason that ended the run since the last frame does not end it again.
             let ended =
                 self.standby_in_force.is_some_and(|since| since >= self.last_frame) || self.ended_by_loss(at);
             if counts {
@@ -265,7 +265,8 @@ impl Oracle {
         };
         let active_before = self.active_source(at);
         self.receive(at, origin, Intent::Run(demand));
-        // One that was lost before the reset has to be received for a while first. What it was received for right before the reset counts.
+        // One that was lost before the reset has to be received for a while first. The time for which it was received right before the
+        // reset counts.
         let lost_before = self.retained.is_some_and(|(retained, _, was_lost)| retained == origin && was_lost);
         let recover_after = self.config.supervision.recover_after.as_micros();
         let back = self.sources[slot(origin)]
@@ -363,7 +364,7 @@ impl Oracle {
         if !self.wire_run {
             self.reached = false;
         }
-        // What it reports may be something else than what it does.
+        // Its reports may differ from what it does.
         self.ran |= self.wire_run && truth.reports_running && !truth.odd && at > self.opened + SECOND;
         let reached = truth.reports_running || truth.odd || at < self.odd_at + BEHIND_FAULTY;
         if reached && !core::mem::replace(&mut self.reached, true) {
@@ -436,7 +437,7 @@ impl Oracle {
         self.tally.resets_running += u64::from(self.guard);
         self.gave_up_before = (self.guard && down < SECOND / 2).then_some(self.truth.own_stops);
         self.before_reset = (self.throttle.max(self.truth.obeyed), self.rpm);
-        // What was in force and had no frame to go out in before the reset, if a source commanded that much.
+        // A demand in force before the reset without a frame to show it, if a source commanded that much.
         match retained {
             Retained::Whole(Some((_, Demand::Throttle(retained), _))) => {
                 let wanted = self.peak_throttle.max(self.last_wanted).max(self.uncertain_throttle);
@@ -464,7 +465,7 @@ impl Oracle {
             }
         }
         self.armed &= self.latched.is_none();
-        // The silence of all continues over the reset; it begins at the reset only where one has just commanded.
+        // The silence of all sources continues over the reset; it begins at the reset only if one has just commanded.
         let wanting = self.each().filter(|(_, source)| source.intent != Intent::Nothing);
         let last_command = wanting.map(|(_, source)| source.last_rx).max().unwrap_or(0) + down + CARRIED;
         self.wanted_until = self.wanted_until.saturating_add(down + CARRIED);
@@ -477,7 +478,7 @@ impl Oracle {
         });
         let stream = of_a_source.and_then(|(origin, ..)| self.sources[slot(origin)]);
         self.steady_before = stream.filter(|source| at < source.silent_from + down).map_or(0, |source| {
-            // One that was received from the last reset on may continue from before that one.
+            // A source received since the last reset may continue from before it.
             let earlier = if source.since < self.booted + SECOND { self.steady_before } else { 0 };
             (source.last_rx - source.since + earlier).min(STEADY_MAX)
         });

@@ -1,6 +1,6 @@
-//! The judge of one engine: a small model of who commands it, written from what is promised and from its
-//! configuration, never from the engine's own code. It sees what the sources commanded, what the ECU really does, and
-//! every frame on the wire. The invariants and their tolerances are in docs/invariants.md.
+//! The judge of one engine: a small model of who commands it, written from the documentation and its configuration,
+//! never from the engine's own code. It sees what the sources commanded, what the ECU really does, and every frame on
+//! the wire. The invariants and their tolerances are in docs/invariants.md.
 
 mod frames;
 mod inputs;
@@ -15,8 +15,8 @@ use jetlink::limit::Action;
 /// Two things at the same instant may come in either order.
 const TOL: u64 = 1_000;
 const SECOND: u64 = 1_000_000;
-/// The node may be behind the ECU's truth by this time: a status that comes round every 0.45 s, two that agree, and
-/// the sampling of the truth.
+/// Longest lag of the node behind the ECU's true state: a status every 0.45 s, two that agree, and the sampling of
+/// the truth.
 const BEHIND: u64 = 1_500_000;
 /// The same on a recently disturbed line: a state up to 3 s old is used.
 const BEHIND_FAULTY: u64 = 5_000_000;
@@ -26,8 +26,8 @@ const UNCERTAIN: u64 = 10_000_000;
 const RUN_OUT: u64 = 10_000_000;
 /// From the loss of an ECU's power, or its last byte, until run is no longer sent: three expected frames, and a reply.
 pub const DARK: u64 = 600_000;
-/// What silence that is carried over a reset may lack, beside the time that the node was down: a step in which it is
-/// retained, and the interval at which the node looks at the time.
+/// Time that silence carried over a reset may lack, besides the node's down time: one retained step, and the
+/// interval at which the node reads the time.
 const CARRIED: u64 = 300_000;
 /// The longest stream of a lost source that is retained.
 const STEADY_MAX: u64 = 6_200_000;
@@ -44,7 +44,7 @@ enum Intent {
 struct Source {
     intent: Intent,
     last_rx: u64,
-    /// It counts as silent from then on.
+    /// Time from which it counts as silent.
     silent_from: u64,
     since: u64,
     was_lost: bool,
@@ -53,7 +53,7 @@ struct Source {
     before: Intent,
     /// Time of its last standby, with no other command since.
     standby_at: Option<u64>,
-    /// Its own standby permits its own next run to start the engine, given then.
+    /// Time of its own standby, which permits its next run to start the engine.
     permitted: Option<u64>,
 }
 
@@ -86,20 +86,21 @@ struct Attempt {
 pub struct Truth {
     pub live: bool,
     pub running: bool,
-    /// It reports that the engine runs, as the document has it: a ZK ECU also where it learns.
+    /// It reports that the engine runs, as the document defines it: a ZK ECU also while it learns.
     pub reports_running: bool,
-    /// With a fault it reports an exhaust temperature that needs no fire, from a sensor that it does not report as faulty.
+    /// With a fault it reports an exhaust temperature that is possible without combustion, from a sensor that it does not report
+    /// as faulty.
     pub reports_cold: bool,
-    /// It reports standby, as the document has it.
+    /// It reports standby, as the document defines it.
     pub standby: bool,
     pub faulty: bool,
     pub egt: f64,
-    /// It reports something else than it does, or has no power.
+    /// Its reports differ from what it does, or it has no power.
     pub odd: bool,
     /// Tenths of a percent that it obeys.
     pub obeyed: u16,
     pub obeys_run: bool,
-    /// How often it stopped its engine because the node was silent.
+    /// Number of times that it stopped its engine because the node was silent.
     pub own_stops: u64,
 }
 
@@ -146,7 +147,7 @@ pub enum Input {
     NotReceived,
     /// Something is received again.
     Received,
-    /// The node's transmitter hung until now: what lay in its ring comes out late.
+    /// The node's transmitter hung until now: bytes in its ring are sent late.
     HungUntil(u64),
     /// The ECU is received again, after a silence in which the link was lost.
     LinkBack,
@@ -202,7 +203,7 @@ pub struct Tally {
 pub struct Oracle {
     config: EngineConfig,
     amt: bool,
-    /// The ECU holds an rpm by itself.
+    /// The ECU governs the rpm itself.
     speed_control: bool,
     idle_rpm: u32,
     max_rpm: u32,
@@ -226,7 +227,7 @@ pub struct Oracle {
     may_continue: bool,
     /// The engine may have reached running in this run.
     reached: bool,
-    /// It has.
+    /// It has reached running.
     ran: bool,
     opened: u64,
     last_frame: u64,
@@ -245,7 +246,7 @@ pub struct Oracle {
 
     /// What the last source in control commanded last: with a slew the demand may still be on its way there.
     last_wanted: u16,
-    /// The last demand of a source that certainly was in control: what is in force is between the last frame and this.
+    /// The last demand of a source that certainly was in control: the demand in force is between the last frame and this one.
     control_demand: Option<Demand>,
     in_force: Option<Origin>,
     /// Since when the source in force has commanded without a gap.
@@ -254,23 +255,23 @@ pub struct Oracle {
     maybe_close: bool,
     lost: bool,
     settled: u64,
-    /// A source in control wanted the engine to run until then: at the latest, with what a reset may hide, and at the
-    /// earliest.
+    /// Time until which a source in control wanted the engine to run: at the latest, including what a reset may hide,
+    /// and at the earliest.
     wanted_until: u64,
     wanted_until_least: u64,
-    /// What was on the wire when the last source fell silent.
+    /// Demand on the wire when the last source fell silent.
     silent: Option<(u64, u16, u32)>,
-    /// The order to run has to be over by then, for this reason.
+    /// Time by which the order to run has to end, and the reason.
     over: Option<(u64, String)>,
-    /// A reason for standby came then: a source's, in doubt whether it is the one in control, or the last stage of loss.
+    /// Time of a reason for standby: a source that may or may not be in control, or the last stage of loss.
     standby_reason: Option<u64>,
-    /// It rises at its set rate, since then and from there.
+    /// It rises at its set rate, since this time and from this value.
     rising: Option<(u64, u16)>,
-    /// When the commanded demand was last within what it had risen to.
+    /// When the commanded demand was last within the risen value.
     met_at: Option<u64>,
     /// The last demand on the wire was an rpm.
     rpm_last: bool,
-    /// The most that the ECU obeyed lately: in this period of 1.5 s, which began then, and in the one before.
+    /// Start of the present period of 1.5 s, and the highest throttle that the ECU obeyed in it and in the previous one.
     obeyed: (u64, u16, u16),
 
     truth: Truth,
@@ -453,9 +454,9 @@ impl Oracle {
         if let Some((_, Source { intent: Intent::Run(demand), .. })) = self.active_source(self.at) {
             self.may_have_risen(to, demand);
             self.wanted_until = self.wanted_until.max(to);
-            // What falls from here on is what it has risen to, also between two frames.
+            // From here on it falls from its risen value, also one between two frames.
             self.silent = None;
-            // One that waits to take over does not count yet.
+            // A source that waits to take over does not count yet.
             if !self.uncertain(to) && !self.lost && self.waiting.is_none() {
                 self.wanted_until_least = to;
             }
@@ -480,8 +481,8 @@ impl Oracle {
                 }
                 // Another one may have taken over meanwhile, by being close.
                 let certain = self.waiting.is_none() || !self.maybe_close;
-                // It was never away, or for a short gap only; away also where another one was about to take over. That it was lost
-                // before the other came does not count.
+                // It was never away, or only for a short gap; it also counts as away if another one was about to take over. A loss
+                // before the other one came does not count.
                 let away = self.lost || self.waiting.is_some();
                 let itself = source.was_lost && self.stream != source.since;
                 if self.in_force == Some(origin) && certain && !(away && itself) {
@@ -515,7 +516,7 @@ impl Oracle {
                     self.maybe_close = false;
                 }
                 self.waiting = Some((origin, since));
-                // While the transmitter hangs, what is in force does not show.
+                // While the transmitter hangs, no frame shows the demand in force.
                 self.maybe_close |= at < self.hung.1;
                 self.maybe_close |= match demand {
                     Demand::Throttle(throttle) => {
@@ -570,8 +571,8 @@ impl Oracle {
         }
     }
 
-    /// The source that was in control up to now and no longer is: its demand may have come into force since the last frame, and be
-    /// what is held from here on.
+    /// The source that was in control up to now and no longer is: its demand may have come into force since the last frame, and is
+    /// then held from here on.
     fn in_control_until_now(&mut self, active_before: Option<(Origin, Source)>) {
         if let Some((before, Source { intent: Intent::Run(demand), .. })) = active_before
             && self.active_source(self.at).is_none_or(|(origin, _)| origin != before)
@@ -592,7 +593,7 @@ impl Oracle {
     /// The demand rises at its set rate from here.
     fn rise(&mut self, at: u64) {
         if !self.uncertain(at) {
-            // What was in force may have moved on since the last frame.
+            // The demand in force may have moved since the last frame.
             let moved = match self.config.supervision.slew.up {
                 Some(up) => {
                     let passed = at.saturating_sub(self.last_frame) + 25_000;
@@ -604,11 +605,11 @@ impl Oracle {
         }
     }
 
-    /// Where the set rate may have got the demand to by now.
+    /// The value that the demand may have reached by now at its set rate.
     fn risen(&self, at: u64) -> Option<u16> {
         let (since, from) = self.rising?;
         let rate = u64::from(self.config.supervision.rise);
-        // 150 ms for what the truth and the frames are sampled at; half a percent for AMT's resolution.
+        // 150 ms for the sampling of truth and frames; 0.5 % for AMT's resolution.
         let risen = u64::from(from) + rate * (at.saturating_sub(since) + 150_000) / SECOND + 6;
         Some(u16::try_from(risen).unwrap_or(u16::MAX))
     }
@@ -645,7 +646,7 @@ impl Oracle {
         let after = loss.standby_after.map(|after| after.as_micros()).or(in_doubt.then_some(RUN_OUT));
         // After a reset the silence that is carried over is not certain, and after three the hold is left out.
         let hold = if self.uncertain(at) { 0 } else { loss.hold.as_micros() };
-        // Silence that is carried over a reset may be counted a little longer than it was.
+        // Silence carried over a reset may be counted as slightly longer than it was.
         let slack = match (self.uncertain(at), self.booted > self.wanted_until_least) {
             (true, _) => SECOND + self.longest_age(),
             (false, true) => SECOND,
@@ -668,7 +669,7 @@ impl Oracle {
         lower(at).or_else(|| lower(self.last_run))
     }
 
-    /// The order to run is over.
+    /// The order to run has ended.
     fn end(&mut self, at: u64, why: impl FnOnce() -> String) {
         if self.over.is_none() {
             self.over = Some((at, why()));

@@ -20,7 +20,7 @@ use std::task::Poll;
 /// Words of one copy of a record.
 const WORDS: usize = 8;
 
-/// The words behind a record, to write them as a reset in the middle of a write would leave them.
+/// The words of a record, to leave them as a reset during a write would.
 fn words(memory: &RetainedMemory) -> &[AtomicU32; 2 * WORDS] {
     const { assert!(size_of::<RetainedMemory>() == size_of::<[AtomicU32; 2 * WORDS]>()) };
     // SAFETY: a `RetainedMemory` is two copies of eight atomic words and nothing else, as the assertion on its size checks, and
@@ -31,7 +31,7 @@ fn words(memory: &RetainedMemory) -> &[AtomicU32; 2 * WORDS] {
 /// Why a boot ended.
 pub(super) enum End {
     Time,
-    /// Reset, with this of each engine's memory.
+    /// Reset, with this left of each engine's memory.
     Reset(Retained),
 }
 
@@ -43,7 +43,7 @@ pub(super) fn down_for<const N: usize>(rigs: &mut [Rig; N], down: u64) {
         let plug = rig.plug.clone();
         plugs.push(Box::pin(async move { match plug.run().await {} }));
     }
-    // An ECU without power wakes for nothing, and time has to pass.
+    // An ECU without power never wakes, and time has to pass.
     plugs.push(Box::pin(Timer::after(Duration::from_micros(down + SECOND))));
     let all = pin!(poll_fn(|cx| {
         for plug in &mut plugs {
@@ -95,7 +95,7 @@ pub(super) fn boot<const N: usize>(
                 published.borrow_mut().push((Instant::now().as_micros(), event));
             }
         }));
-        // The halves come back when the node is gone.
+        // The halves are returned when the node ends.
         let halves = &raw mut rigs[port].halves;
         // SAFETY: nobody else touches the halves until the tasks are dropped at the end of this function.
         let (rx, tx) = unsafe { &mut *halves };
@@ -145,7 +145,7 @@ pub(super) fn boot<const N: usize>(
     }
 }
 
-/// The node is reset, at times in the middle of what a command makes it write.
+/// The node is reset, sometimes in the middle of a write caused by a command.
 pub(super) fn reset<const N: usize>(
     rng: &mut Rng,
     rigs: &mut [Rig; N],
@@ -188,7 +188,7 @@ pub(super) fn reset<const N: usize>(
             let copy = (0..2).find(|copy| before[copy * WORDS..][..WORDS] != after[copy * WORDS..][..WORDS]);
             match copy {
                 Some(copy) if written < WORDS => {
-                    // The reset came before the command was answered: it was never given.
+                    // The reset came before the command was answered: the command does not count.
                     let retained = words(&memory[port]).iter().zip(before);
                     for (intent, old) in retained.skip(copy * WORDS + written).take(WORDS - written) {
                         intent.store(old, Ordering::Relaxed);

@@ -18,7 +18,7 @@ impl Rig {
             self.plug.stall_tx(false);
             if let Some(from) = self.hung_from.take() {
                 let _ = from;
-                // 64 bytes lay in its ring at most.
+                // At most 64 bytes were in its ring.
                 let ring = sim::line_of!(self.config.line).byte_ns(70) / 1000;
                 self.input(Input::HungUntil(now + ring));
             }
@@ -48,7 +48,7 @@ impl Rig {
                 4 => {
                     self.plug.stall_tx(true);
                     self.hung_from = Some(now);
-                    // Frames of a transmitter that hangs are judged by when they should have begun.
+                    // Frames of a hung transmitter are judged by when they should have begun.
                     self.input(Input::HungUntil(now + 60 * SECOND));
                     "hung transmitter"
                 }

@@ -16,7 +16,7 @@ use jetlink::event::LossStage;
 use rig::{MS, Rig, now};
 use sim::clock;
 
-/// What went wrong, for a reader.
+/// A failure, described for a reader.
 #[derive(Debug)]
 pub struct Failure {
     pub seed: u64,

@@ -19,10 +19,10 @@ use std::rc::Rc;
 
 pub(super) const MS: u64 = 1_000;
 pub(super) const SECOND: u64 = 1_000_000;
-/// Every frame has ended this long after its first bit.
+/// Longest time from the first bit of a frame to its end.
 pub(super) const LONGEST_FRAME: u64 = 30 * MS;
 
-/// What it really does and reports.
+/// Its true state, and its reports.
 pub(super) fn truth(ecu: &AnyEcu, odd: bool) -> Truth {
     let turbine = ecu.turbine();
     let truth = Truth {
@@ -36,7 +36,7 @@ pub(super) fn truth(ecu: &AnyEcu, odd: bool) -> Truth {
     ecus::ecu(ecu).truth(truth)
 }
 
-/// What a source is doing for a while.
+/// Behaviour of a source for a while.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) enum Program {
     Silent,
@@ -46,7 +46,7 @@ pub(super) enum Program {
     Flap(Demand, u64, u64),
     /// Present, without a command.
     Present,
-    /// From anywhere to a running engine, the way it is documented.
+    /// From any state to a running engine, as documented.
     Fly(Demand),
     /// Anything.
     Nonsense,
@@ -66,7 +66,7 @@ pub(super) struct Source {
 /// One engine, its ECU, its sources, its judge.
 pub(super) struct Rig {
     pub(super) config: EngineConfig,
-    /// Its ECU holds an rpm by itself.
+    /// Its ECU governs the rpm itself.
     pub(super) holds_rpm: bool,
     pub(super) max_rpm: u32,
     pub(super) plug: Plug<AnyEcu>,
@@ -85,15 +85,15 @@ pub(super) struct Rig {
     pub(super) next_ecu: u64,
     pub(super) next_stop: u64,
     pub(super) next_arm: u64,
-    /// Every source is silent then, and until then.
+    /// Time at which every source falls silent, and until when.
     pub(super) next_silence: u64,
     pub(super) silent_until: u64,
     pub(super) odd_until: u64,
     pub(super) truth: Truth,
     pub(super) trace: VecDeque<(u64, Trace)>,
-    /// When a byte of the ECU came last.
+    /// Time of the last byte from the ECU.
     pub(super) byte_at: u64,
-    /// That it is silent was noted.
+    /// Its silence was noted.
     pub(super) not_received: bool,
 }
 
@@ -169,7 +169,7 @@ impl Rig {
         }
         let may_start = matches!(command, Command::Run(_)) && !self.truth.running;
         if may_start || command == Command::ReleaseStop && self.truth.live {
-            // What the ECU is like at this instant decides.
+            // The state of the ECU at this instant decides.
             self.look_at_ecu();
         }
         let answer = command_as(owner, command, origin);
@@ -177,8 +177,8 @@ impl Rig {
         answer
     }
 
-    /// What the wire and the engine have reported since the last look goes to the judge, in the order of time.
-    /// When a start went out, if one did.
+    /// Passes the frames and reports since the last call to the judge, in the order of time. Returns when a
+    /// start was sent, if one was.
     pub(super) fn judge(&mut self, all: bool) -> Result<Option<u64>, String> {
         let frames = &mut self.frames;
         let seen = frames.len();

@@ -7,7 +7,7 @@ use jetlink::command::{Command, Demand, Origin, Rejected};
 use jetlink::units::Rpm;
 
 impl Rig {
-    /// A demand, at times one that makes no sense.
+    /// A demand, sometimes a senseless one.
     pub(super) fn demand(&self, rng: &mut Rng) -> Demand {
         let rpm = self.holds_rpm && rng.percent(40) || rng.percent(5);
         if rpm {
@@ -111,7 +111,7 @@ impl Rig {
                     if !truth.live && !truth.standby {
                         source.ready_since = None;
                     }
-                    // Not forever, if nothing comes of it.
+                    // Not forever, if the engine does not start.
                     if source.ready_since.is_some_and(|since| now > since + 4 * SECOND) && !truth.live {
                         source.ready_since = None;
                     }
