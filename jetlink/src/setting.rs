@@ -569,7 +569,8 @@ pub mod kind {
 /// `ConfigOnly`, where it is no parameter ([`Setting::parameter`]).
 ///
 /// A struct whose defaults are stated elsewhere, as of the settings that every protocol has, is declared with `defaults elsewhere`
-/// and without `= default`. It has no `DEFAULT`; its `table` makes the rows from given defaults.
+/// and without `= default`. It has no `DEFAULT`; its `table` makes the rows from given defaults. The end of a range may come from a macro there,
+/// and the text may have several parts.
 #[macro_export]
 macro_rules! settings {
     (
@@ -601,7 +602,7 @@ macro_rules! settings {
     (
         $(#[$meta:meta])*
         pub struct $group:ident, $prefix:literal, $effect:ident, defaults elsewhere {
-            $( $(#[$more:meta])* $field:ident: $kind:ident $name:literal in $min:literal..=$max:literal $(, $column:ident)*, $text:literal $(, $shown:expr)?; )*
+            $( $(#[$more:meta])* $field:ident: $kind:ident $name:literal in $min:literal..=$max:expr $(, $column:ident)*, $($text:literal)+ $(, $shown:expr)?; )*
         }
         $( groups { $( $(#[$gmeta:meta])* $inner:ident: $itype:ty; )* } )?
     ) => {
@@ -611,7 +612,7 @@ macro_rules! settings {
         pub struct $group {
             $( $( $(#[$gmeta])* pub $inner: $itype, )* )?
             $(
-                #[doc = $text]
+                #[doc = concat!($($text),+)]
                 #[doc = ""]
                 #[doc = concat!("Setting `", $name, "`: ", $($shown,)? $min, " to ", $max, " ", $crate::symbol!($kind), ".")]
                 $(#[$more])*
@@ -638,7 +639,7 @@ macro_rules! settings {
                     $crate::setting::kind::$kind::number(&defaults.$field),
                     [
                         concat!($prefix, stringify!($field)),
-                        $text,
+                        concat!($($text),+),
                         $crate::symbol!($kind),
                         concat!($prefix, stringify!($field), ": ", $min, " to ", $max, " ", $crate::symbol!($kind)),
                     ],

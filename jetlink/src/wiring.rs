@@ -1,47 +1,133 @@
 //! Port, line and ECU of an engine as numbers: what a firmware may store, so that other wires need no compiler.
 
 use crate::config::{ConfigError, EngineConfig, validate};
-use crate::ecu::amt::codec::EngineModel;
-use crate::ecu::zk::codec::Rate;
-use crate::ecu::{EcuConfig, Mistake, amt, zk};
+use crate::ecu::vendor::LineMistake;
+use crate::ecu::{EcuConfig, protocols};
 use crate::line::{Line, StopBits};
 use crate::sentence::sentences;
 use crate::setting::settings;
 use crate::units::{BaudRate, Verbatim};
 
-settings! {
-    /// What an engine is wired to. Whether the wiring of all engines fits together, [`check`] finds out. The names are those of engine 1: another
-    /// engine has its number in place of the 1.
-    pub struct Wiring, "wiring.", AtNextStart, defaults elsewhere {
-        port: number "E1_PORT" in 0..=15, "ECU port of the board, from 0.";
-        protocol: number "E1_PROTO" in 1..=2, "Protocol of the ECU. 1: AMT. 2: ZK.";
-        baud: baud "E1_BAUD" in 2400..=115_200, "Baud rate: 2400, 4800, 9600, 19 200, 38 400, 57 600 or 115 200.";
-        stop_bits: number "E1_STOP" in 1..=2, "Stop bits.";
-        amt_engine: number "E1_AMT_ENGINE" in 0..=7, "With AMT: the engine, if its scale shall be known before the ECU names it. 0: not known. 1 Mercury, 2 Pegasus, 3 Olympus, 4 Titan, 5 Nike, 6 Lynx, 7 Orion.";
-        zk_rate: status_rate "E1_ZK_RATE" in 20..=100, "With ZK: status rate in Hz: 20, 50 or 100.";
+/// The last of some literals, as one.
+macro_rules! last {
+    ($last:literal) => {
+        $last
+    };
+    ($first:literal $($rest:literal)+) => {
+        last!($($rest)+)
+    };
+}
+
+/// Bits of each part in [`Wiring::packed`], in this order. Those of the protocols follow.
+mod bits {
+    pub const PORT: u32 = 4;
+    pub const PROTOCOL: u32 = 8;
+    pub const BAUD: u32 = 3;
+    pub const STOP: u32 = 2;
+}
+
+macro_rules! wiring {
+    ($($(#[$doc:meta])* $name:ident = $number:literal $label:literal ($config:ty, $mistake:ty, $service:ty, $faults:ty) {
+        $($field:ident: $kind:ident $row:literal in $min:literal..=$max:literal, $bits:literal bits, $text:literal;)*
+    };)+) => {
+        settings! {
+            /// What an engine is wired to. Whether the wiring of all engines fits together, [`check`] finds out. The names are those of
+            /// engine 1: another engine has its number in place of the 1.
+            pub struct Wiring, "wiring.", AtNextStart, defaults elsewhere {
+                port: number "E1_PORT" in 0..=15, "ECU port of the board, from 0.";
+                protocol: number "E1_PROTO" in 1..=last!($($number)+), "Protocol of the ECU." $(" " $number ": " $label ".")+;
+                baud: baud "E1_BAUD" in 2400..=115_200, "Baud rate: 2400, 4800, 9600, 19 200, 38 400, 57 600 or 115 200.";
+                stop_bits: number "E1_STOP" in 1..=2, "Stop bits.";
+                $($($field: $kind $row in $min..=$max, $text;)*)+
+            }
+        }
+
+        const _: () = {
+            let numbers = [$($number),+];
+            let mut place = 0;
+            while place < numbers.len() {
+                assert!(numbers[place] == place + 1, "the numbers of protocols are 1, 2, 3 and so on, in this order");
+                place += 1;
+            }
+            assert!(
+                bits::PORT + bits::PROTOCOL + bits::BAUD + bits::STOP $($(+ $bits)*)+ <= u32::BITS,
+                "the wiring of all protocols has to fit in 32 bits"
+            );
+            $($(assert!($bits <= u8::BITS && $max < 1_u32 << $bits, concat!($row, " has too few bits"));)*)+
+        };
+
+        impl Wiring {
+            /// Of an engine. What another protocol has is that protocol's default.
+            pub const fn of(engine: &EngineConfig) -> Self {
+                $(let [$($field),*] = match engine.ecu {
+                    EcuConfig::$name(config) => config,
+                    _ => <$config>::DEFAULT,
+                }.wired();)+
+                Self {
+                    port: engine.port,
+                    protocol: engine.ecu.protocol_number(),
+                    baud: BaudRate::up_to(engine.line.baud),
+                    stop_bits: match engine.line.stop_bits {
+                        StopBits::One => 1,
+                        StopBits::Two => 2,
+                    },
+                    $($($field,)*)+
+                }
+            }
+
+            /// Gives what only its protocol has to an ECU.
+            fn wire(&self, ecu: &mut EcuConfig) {
+                match ecu {
+                    $(EcuConfig::$name(config) => config.wire([$(self.$field),*]),)+
+                }
+            }
+
+            /// All of it in one number.
+            pub const fn packed(&self) -> u32 {
+                let common = Packed { number: 0, bits: 0 }
+                    .with(self.port, bits::PORT)
+                    .with(self.protocol, bits::PROTOCOL)
+                    .with(self.baud.place(), bits::BAUD)
+                    .with(self.stop_bits, bits::STOP);
+                common$($(.with(self.$field, $bits))*)+.number
+            }
+
+            /// From such a number; `None`: it is none.
+            pub fn unpacked(number: u32) -> Option<Self> {
+                let mut rest = number;
+                let mut next = |bits: u32| {
+                    let part = rest as u8 & (u8::MAX >> (u8::BITS - bits));
+                    rest >>= bits;
+                    part
+                };
+                let wiring = Self {
+                    port: next(bits::PORT),
+                    protocol: next(bits::PROTOCOL),
+                    baud: BaudRate::at(next(bits::BAUD))?,
+                    stop_bits: next(bits::STOP),
+                    $($($field: next($bits),)*)+
+                };
+                (rest == 0 && wiring.check_own().is_ok()).then_some(wiring)
+            }
+        }
+    };
+}
+protocols!(wiring);
+
+/// A number that consists of parts.
+struct Packed {
+    number: u32,
+    /// Bits of it in use.
+    bits: u32,
+}
+
+impl Packed {
+    const fn with(self, part: u8, bits: u32) -> Self {
+        Self { number: self.number | (part as u32) << self.bits, bits: self.bits + bits }
     }
 }
 
-const _: () = assert!(EngineModel::ALL.len() == 7);
-
 impl Wiring {
-    /// Of an engine.
-    pub const fn of(engine: &EngineConfig) -> Self {
-        let [protocol, amt_engine] = engine.ecu.identity();
-        let rate = if let EcuConfig::Zk(config) = engine.ecu { config.rate } else { Rate::Hz20 };
-        Self {
-            port: engine.port,
-            protocol,
-            baud: BaudRate::up_to(engine.line.baud),
-            stop_bits: match engine.line.stop_bits {
-                StopBits::One => 1,
-                StopBits::Two => 2,
-            },
-            amt_engine,
-            zk_rate: rate.hz() as u8,
-        }
-    }
-
     /// Gives it to an engine. With another protocol than before, the settings of its ECU and its link are the defaults of that protocol.
     pub fn apply(&self, engine: &mut EngineConfig) {
         engine.port = self.port;
@@ -53,17 +139,7 @@ impl Wiring {
             engine.ecu = ecu;
             engine.timing = ecu.timing();
         }
-        if let EcuConfig::Amt(config) = &mut engine.ecu {
-            let place = usize::from(self.amt_engine).checked_sub(1);
-            config.engine = place.and_then(|place| EngineModel::ALL.get(place)).copied();
-        }
-        if let (EcuConfig::Zk(config), Some(rate)) = (&mut engine.ecu, self.rate()) {
-            config.rate = rate;
-        }
-    }
-
-    fn rate(&self) -> Option<Rate> {
-        Rate::ALL.into_iter().find(|rate| rate.hz() == self.zk_rate.into())
+        self.wire(&mut engine.ecu);
     }
 
     /// The number of a row of [`Wiring::ROWS`].
@@ -74,31 +150,6 @@ impl Wiring {
     /// Changes a number, which its row allows. False: there is none of this name.
     pub fn change(&mut self, name: &str, number: i32) -> bool {
         self.set_own::<false>(name, number)
-    }
-
-    /// All of it in one number.
-    pub const fn packed(&self) -> u32 {
-        let Self { port, protocol, baud, stop_bits, amt_engine, zk_rate } = *self;
-        port as u32
-            | (protocol as u32) << 4
-            | (baud.place() as u32) << 12
-            | (stop_bits as u32) << 15
-            | (amt_engine as u32) << 17
-            | (zk_rate as u32) << 22
-    }
-
-    /// From such a number; `None`: it is none.
-    pub fn unpacked(number: u32) -> Option<Self> {
-        let bits = |from: u32, count: u32| (number >> from) as u8 & (u8::MAX >> (8 - count));
-        let wiring = Self {
-            port: bits(0, 4),
-            protocol: bits(4, 8),
-            baud: BaudRate::at(bits(12, 3))?,
-            stop_bits: bits(15, 2),
-            amt_engine: bits(17, 5),
-            zk_rate: bits(22, 7),
-        };
-        (wiring.check_own().is_ok() && number == wiring.packed()).then_some(wiring)
     }
 }
 
@@ -171,8 +222,11 @@ pub fn check(engines: &[EngineConfig], ports: Ports) -> Result<(), (usize, Contr
     validate(engines).map_err(|error| {
         let why = match error {
             ConfigError::SamePort(..) => Contradiction::SamePort,
-            ConfigError::Ecu(_, Mistake::Amt(amt::config::Mistake::StopBits)) => Contradiction::StopBits,
-            ConfigError::Ecu(_, Mistake::Zk(zk::config::Mistake::RateTooFast)) => Contradiction::RateTooFast,
+            ConfigError::Ecu(_, mistake) => match mistake.line() {
+                Some(LineMistake::StopBits) => Contradiction::StopBits,
+                Some(LineMistake::TooSlow) => Contradiction::RateTooFast,
+                None => Contradiction::Setting,
+            },
             _ => Contradiction::Setting,
         };
         (error.row(), why)

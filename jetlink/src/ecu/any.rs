@@ -9,7 +9,7 @@ use crate::units::Hectopascals;
 use embassy_time::{Duration, Instant};
 
 macro_rules! any_link {
-    ($($(#[$doc:meta])* $name:ident($config:ty, $mistake:ty, $service:ty, $faults:ty);)+) => {
+    ($($(#[$doc:meta])* $name:ident = $number:literal $label:literal ($config:ty, $mistake:ty, $service:ty, $faults:ty) { $($wired:tt)* };)+) => {
         /// The link of any ECU.
         #[derive(Clone, Debug)]
         pub enum AnyLink {

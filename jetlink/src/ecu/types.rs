@@ -23,8 +23,8 @@ macro_rules! text_of_vendor {
 }
 
 macro_rules! vendor_types {
-    ($($(#[$doc:meta])* $name:ident($config:ty, $mistake:ty, $service:ty, $faults:ty);)+) => {
-        use $crate::ecu::vendor::{VendorFaults as _, VendorService as _};
+    ($($(#[$doc:meta])* $name:ident = $number:literal $label:literal ($config:ty, $mistake:ty, $service:ty, $faults:ty) { $($wired:tt)* };)+) => {
+        use $crate::ecu::vendor::{LineMistake, VendorFaults as _, VendorMistake as _, VendorService as _};
         use $crate::line::{Line, Timing};
         use $crate::setting::{Row, Setting};
 
@@ -73,25 +73,23 @@ macro_rules! vendor_types {
 
             /// The number of the protocol, from 1 on, for stored settings. It never changes.
             pub const fn protocol_number(&self) -> u8 {
-                let [protocol, _] = self.identity();
-                protocol
+                match self {
+                    $(Self::$name(_) => $number,)+
+                }
             }
 
             /// An ECU with the protocol of this number and default settings; `None`: there is none.
             pub(crate) const fn of_protocol(number: u8) -> Option<Self> {
-                $(
-                    let ecu = Self::$name(<$config>::DEFAULT);
-                    if ecu.protocol_number() == number {
-                        return Some(ecu);
-                    }
-                )+
-                None
+                match number {
+                    $($number => Some(Self::$name(<$config>::DEFAULT)),)+
+                    _ => None,
+                }
             }
 
             /// The protocol, and the engine that it is set to: another number makes retained state invalid.
             pub(crate) const fn identity(&self) -> [u8; 2] {
                 match self {
-                    $(Self::$name(config) => config.identity(),)+
+                    $(Self::$name(config) => [$number, config.identity()],)+
                 }
             }
         }
@@ -108,6 +106,13 @@ macro_rules! vendor_types {
             pub const fn message(self) -> &'static str {
                 match self {
                     $(Self::$name(mistake) => mistake.message(),)+
+                }
+            }
+
+            /// What is wrong about the line.
+            pub(crate) fn line(self) -> Option<LineMistake> {
+                match self {
+                    $(Self::$name(mistake) => mistake.line(),)+
                 }
             }
         }

@@ -2,6 +2,22 @@
 
 use core::fmt::Display;
 
+/// Why a line cannot carry a protocol.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
+pub enum LineMistake {
+    /// The protocol has one stop bit.
+    StopBits,
+    /// The line is too slow for the status rate.
+    TooSlow,
+}
+
+/// The mistakes in the configuration of a protocol.
+pub trait VendorMistake: Copy {
+    /// What is wrong about the line; `None`: it is something else.
+    fn line(self) -> Option<LineMistake>;
+}
+
 /// The service commands of a protocol.
 pub trait VendorService: Copy {
     /// It moves fuel or heats, so the engine has to be cold and at rest, and it is limited in time.

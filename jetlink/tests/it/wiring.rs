@@ -48,6 +48,21 @@ fn wiring_is_one_number_and_back() {
     assert_eq!(Wiring::unpacked(whole | 1 << 31), None);
 }
 
+/// RAM and flash have these of an older image.
+#[test]
+fn number_of_a_wiring_never_changes() {
+    let amt = EngineConfig::amt("none", 15, Line::new(57_600), None);
+    for (engine, number) in [(AMT, 0x0508_8010), (ZK, 0x1901_6021), (amt, 0x0500_D01F)] {
+        assert_eq!(
+            Wiring::of(&engine).packed(),
+            number,
+            "{}: {:#010x}",
+            engine.name,
+            Wiring::of(&engine).packed()
+        );
+    }
+}
+
 #[test]
 fn numbers_that_are_no_rate_are_not_allowed() {
     let rows = |name| Wiring::ROWS.iter().find(|row| row.name == name).unwrap();

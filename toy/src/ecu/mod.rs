@@ -14,21 +14,26 @@ pub mod vendor;
 #[path = "../../../jetlink/src/ecu/zk/mod.rs"]
 pub mod zk;
 
-/// The protocols: each a variant of the configuration, the services, the faults and the link of any ECU. A new one is a
-/// folder and a line here (docs/porting.md); `Config`, `Service` and the faults provide what the macros need.
+/// The protocols: each a variant of the configuration, the services, the faults and the link of any ECU, with its number, its name and what
+/// it alone has in the wiring. A new one is a folder and a line here (docs/porting.md); `Config`, `Service` and the faults provide what the
+/// macros need. Numbers, bits and their order are stored, so they never change.
 macro_rules! protocols {
     ($make:ident) => {
         $make! {
             /// AMT serial control.
-            Amt($crate::ecu::amt::config::Config, $crate::ecu::amt::config::Mistake, $crate::ecu::amt::config::Service, $crate::ecu::amt::codec::ErrorBits);
+            Amt = 1 "AMT" ($crate::ecu::amt::config::Config, $crate::ecu::amt::config::Mistake, $crate::ecu::amt::config::Service, $crate::ecu::amt::codec::ErrorBits) {
+                amt_engine: number "E1_AMT_ENGINE" in 0..=7, 5 bits, "With AMT: the engine, if its scale shall be known before the ECU names it. 0: not known. 1 Mercury, 2 Pegasus, 3 Olympus, 4 Titan, 5 Nike, 6 Lynx, 7 Orion.";
+            };
             /// ZK-Protocol.
-            Zk($crate::ecu::zk::config::Config, $crate::ecu::zk::config::Mistake, $crate::ecu::zk::config::Service, $crate::ecu::zk::codec::ErrorCode);
+            Zk = 2 "ZK" ($crate::ecu::zk::config::Config, $crate::ecu::zk::config::Mistake, $crate::ecu::zk::config::Service, $crate::ecu::zk::codec::ErrorCode) {
+                zk_rate: status_rate "E1_ZK_RATE" in 20..=100, 7 bits, "With ZK: status rate in Hz: 20, 50 or 100.";
+            };
             /// The toy protocol.
-            Toy($crate::ecu::toy::config::Config, $crate::ecu::toy::config::Mistake, $crate::ecu::toy::config::Service, $crate::ecu::toy::codec::Faults);
+            Toy = 3 "toy" ($crate::ecu::toy::config::Config, $crate::ecu::toy::config::Mistake, $crate::ecu::toy::config::Service, $crate::ecu::toy::codec::Faults) { toy_engine: number "E1_TOY_ENGINE" in 0..=7, 3 bits, "With the toy: serial number of the engine."; };
         }
     };
 }
-use protocols;
+pub(crate) use protocols;
 use types::vendor_types;
 
 protocols!(vendor_types);

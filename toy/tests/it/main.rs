@@ -17,6 +17,7 @@ use toy::config::{ConfigError, EngineConfig, LinkSettings, check, validate};
 use toy::ecu::toy::codec::{Control, Decoder, Faults, Frame, State};
 use toy::ecu::toy::config::{Config, Mistake, Service};
 use toy::ecu::toy::link::ToyLink;
+use toy::ecu::zk::codec::Rate;
 use toy::ecu::{self as any, EcuConfig};
 use toy::event::Event;
 use toy::line::Line;
@@ -24,6 +25,7 @@ use toy::link::{Link, Observation, Speaks, Stage};
 use toy::report::{LinkState, Phase};
 use toy::setting::Effect;
 use toy::units::{Celsius, Throttle};
+use toy::wiring::{self, Contradiction, Ports, Wiring};
 
 const LINE: Line = Line::new(9600);
 const ENGINE: EngineConfig = EngineConfig::new("toy", 0, LINE, EcuConfig::Toy(Config::DEFAULT));
@@ -73,12 +75,47 @@ fn toy_settings_have_range_default_and_effect() {
     assert_eq!(config.set("TOY_SEND_EVERY", 20), Ok(()));
     assert_eq!(config.number("TOY_SEND_EVERY"), Some(20));
     assert_eq!(validate(&[config]), Ok(()));
-    config.ecu = EcuConfig::Toy(Config { send_every: Duration::from_millis(19) });
+    config.ecu = EcuConfig::Toy(Config { send_every: Duration::from_millis(19), ..Config::DEFAULT });
     assert_eq!(validate(&[config]).unwrap_err().message(), "ecu.send_every: 20 to 500 ms");
     let two = EngineConfig { line: Line::with_two_stop_bits(9600), ..ENGINE };
     let mistake = any::Mistake::Toy(Mistake::StopBits);
     assert_eq!(validate(&[two]), Err(ConfigError::Ecu(0, mistake)));
     assert_eq!(mistake.message(), "invalid stop bits: a toy line has one");
+}
+
+/// The wiring in RAM survives a reset with an engine of the toy, as with any other.
+#[test]
+fn toy_wiring_is_one_number_and_back() {
+    for number in 0..=7 {
+        let mut engine = ENGINE;
+        engine.ecu = EcuConfig::Toy(Config { engine: number, ..Config::DEFAULT });
+        let wiring = Wiring::of(&engine);
+        assert_eq!((wiring.protocol, wiring.toy_engine), (3, number));
+        assert_eq!(Wiring::unpacked(wiring.packed()), Some(wiring));
+        let mut wired = EngineConfig::zk("toy", 5, LINE, Rate::Hz20);
+        wiring.apply(&mut wired);
+        assert_eq!((wired.ecu, wired.timing, wired.port), (engine.ecu, engine.timing, 0));
+        assert_eq!(wired.fingerprint(), engine.fingerprint());
+        assert_eq!(
+            wired.fingerprint() == ENGINE.fingerprint(),
+            number == 0,
+            "another engine's record is invalid"
+        );
+    }
+}
+
+/// The toy can be chosen without a compiler, and what it cannot have is said.
+#[test]
+fn toy_is_among_the_protocols_of_the_wiring() {
+    let settings = Wiring::table(&Wiring::of(&ENGINE));
+    let row = |name| settings.iter().find(|row| row.name == name).expect("a row of the wiring");
+    assert_eq!((row("E1_PROTO").min, row("E1_PROTO").max), (1, 3));
+    assert_eq!(row("E1_PROTO").text, "Protocol of the ECU. 1: AMT. 2: ZK. 3: toy.");
+    assert_eq!((row("E1_TOY_ENGINE").max, row("E1_TOY_ENGINE").default), (7, 0));
+    let ports = Ports { count: 1, taken: None, two_stop_bits: true };
+    let two = EngineConfig { line: Line::with_two_stop_bits(9600), ..ENGINE };
+    assert_eq!(wiring::check(&[ENGINE], ports), Ok(()));
+    assert_eq!(wiring::check(&[two], ports), Err((0, Contradiction::StopBits)));
 }
 
 /// Services and faults of any ECU include those of the toy.
@@ -124,7 +161,7 @@ fn toy_link_keeps_its_timing_table() {
 fn toy_link_takes_new_settings() {
     let mut bench = bench();
     bench.run_to_us(50_000);
-    let config = Config { send_every: Duration::from_millis(20) };
+    let config = Config { send_every: Duration::from_millis(20), ..Config::DEFAULT };
     bench.act(|link, now| config.configure(link, now, LINE, Config::TIMING));
     bench.run_to_us(150_000);
     let at: Vec<u64> = bench.frames().into_iter().map(|(at, _)| at).collect();
@@ -238,7 +275,7 @@ fn toy_protocol_takes_a_folder_and_two_lines() {
         toys.iter().filter(|line| !librarys.contains(line)).map(|line| line.trim_start()).collect();
     let [module, doc, arm] = added[..] else { panic!("{added:#?}") };
     assert_eq!((module, doc), ("pub mod toy;", "/// The toy protocol."));
-    assert!(arm.starts_with("Toy($crate::ecu::toy::config::Config, "), "{arm}");
+    assert!(arm.starts_with("Toy = 3 \"toy\" ($crate::ecu::toy::config::Config, "), "{arm}");
     let without: Vec<&String> = toys.iter().filter(|line| !added.contains(&line.trim_start())).collect();
     assert_eq!(without, librarys.iter().collect::<Vec<_>>());
 

@@ -1,7 +1,7 @@
 //! Settings and service commands of an AMT ECU.
 
 use super::codec::{CONTROL_LEN, EngineModel};
-use crate::ecu::vendor::VendorService;
+use crate::ecu::vendor::{LineMistake, VendorMistake, VendorService};
 use crate::line::{Line, StopBits, Timing};
 use crate::sentence::sentences;
 use crate::setting::{SettingId, settings};
@@ -24,17 +24,31 @@ settings! {
     }
 }
 
+// `E1_AMT_ENGINE` has all of them.
+const _: () = assert!(EngineModel::ALL.len() == 7);
+
 impl Config {
     /// Defaults of the link's timing: up after two frames, because they carry no checksum; lost after 1 s, eight frames at 2400
     /// baud.
     pub const TIMING: Timing = Timing { up_after: 2, lost_after: Duration::from_secs(1) };
 
-    pub(crate) const fn identity(self) -> [u8; 2] {
-        let engine = match self.engine {
+    /// The engine: 0 is not known.
+    pub(crate) const fn identity(self) -> u8 {
+        match self.engine {
             Some(engine) => engine as u8 + 1,
             None => 0,
-        };
-        [1, engine]
+        }
+    }
+
+    /// What it alone has in the wiring.
+    pub(crate) const fn wired(self) -> [u8; 1] {
+        [self.identity()]
+    }
+
+    /// Takes it from the wiring.
+    pub(crate) fn wire(&mut self, [engine]: [u8; 1]) {
+        let place = usize::from(engine).checked_sub(1);
+        self.engine = place.and_then(|place| EngineModel::ALL.get(place)).copied();
     }
 
     /// Checks the settings, and that a line can carry the protocol.
@@ -91,6 +105,15 @@ sentences!(Mistake {
 });
 
 impl core::error::Error for Mistake {}
+
+impl VendorMistake for Mistake {
+    fn line(self) -> Option<LineMistake> {
+        match self {
+            Self::StopBits => Some(LineMistake::StopBits),
+            Self::NoReplyFits | Self::Setting(_) => None,
+        }
+    }
+}
 
 /// Service commands of an AMT ECU.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

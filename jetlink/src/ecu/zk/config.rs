@@ -1,7 +1,7 @@
 //! Settings and service commands of a ZK ECU.
 
 use super::codec::{AccelerationCurve, Action, Control, IgnitionPumpVoltage, Rate};
-use crate::ecu::vendor::VendorService;
+use crate::ecu::vendor::{LineMistake, VendorMistake, VendorService};
 use crate::line::{Line, Timing};
 use crate::sentence::sentences;
 use crate::setting::settings;
@@ -23,8 +23,21 @@ impl Config {
     /// Defaults of the link's timing: up after one frame, because it carries a CRC; lost after 0.5 s, ten frames at 20 Hz.
     pub const TIMING: Timing = Timing { up_after: 1, lost_after: Duration::from_millis(500) };
 
-    pub(crate) const fn identity(self) -> [u8; 2] {
-        [2, 0]
+    /// All engines are alike to it.
+    pub(crate) const fn identity(self) -> u8 {
+        0
+    }
+
+    /// What it alone has in the wiring.
+    pub(crate) const fn wired(self) -> [u8; 1] {
+        [self.rate.hz() as u8]
+    }
+
+    /// Takes it from the wiring.
+    pub(crate) fn wire(&mut self, [hz]: [u8; 1]) {
+        if let Some(rate) = Rate::ALL.into_iter().find(|rate| rate.hz() == hz.into()) {
+            self.rate = rate;
+        }
     }
 
     /// Checks that a line can carry the status rate.
@@ -58,6 +71,14 @@ sentences!(Mistake {
 });
 
 impl core::error::Error for Mistake {}
+
+impl VendorMistake for Mistake {
+    fn line(self) -> Option<LineMistake> {
+        match self {
+            Self::RateTooFast => Some(LineMistake::TooSlow),
+        }
+    }
+}
 
 /// Service commands of a ZK ECU.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

@@ -1,6 +1,6 @@
 //! Settings and service commands of a toy ECU.
 
-use crate::ecu::vendor::VendorService;
+use crate::ecu::vendor::{LineMistake, VendorMistake, VendorService};
 use crate::line::{Line, StopBits, Timing};
 use crate::sentence::sentences;
 use crate::setting::{SettingId, settings};
@@ -11,14 +11,29 @@ settings! {
     pub struct Config, "ecu.", AtRest {
         send_every: ms "TOY_SEND_EVERY" = 100 in 20..=500, "Time between two commands. The ECU stops its engine after 1 s without one.";
     }
+    groups {
+        /// Serial number of the engine.
+        engine: u8 = 0;
+    }
 }
 
 impl Config {
     /// Defaults of the link's timing: up after two frames, because they carry no checksum; lost after 0.5 s, five frames.
     pub const TIMING: Timing = Timing { up_after: 2, lost_after: Duration::from_millis(500) };
 
-    pub(crate) const fn identity(self) -> [u8; 2] {
-        [200, 0]
+    /// The engine.
+    pub(crate) const fn identity(self) -> u8 {
+        self.engine
+    }
+
+    /// What it alone has in the wiring.
+    pub(crate) const fn wired(self) -> [u8; 1] {
+        [self.engine]
+    }
+
+    /// Takes it from the wiring.
+    pub(crate) fn wire(&mut self, [engine]: [u8; 1]) {
+        self.engine = engine;
     }
 
     /// Checks the settings, and that a line can carry the protocol.
@@ -55,6 +70,15 @@ sentences!(Mistake {
 });
 
 impl core::error::Error for Mistake {}
+
+impl VendorMistake for Mistake {
+    fn line(self) -> Option<LineMistake> {
+        match self {
+            Self::StopBits => Some(LineMistake::StopBits),
+            Self::Setting(_) => None,
+        }
+    }
+}
 
 /// Service commands.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
