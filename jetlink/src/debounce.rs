@@ -4,7 +4,7 @@
 //! The results are reported to people and used by interlocks. The values that decide about the life of a running engine
 //! are raw ([`Observation`](crate::link::Observation)) and debounced where they are judged (`engine/life.rs`).
 
-use crate::consecutive::Consecutive;
+use crate::consecutive::{AGREEING, Consecutive};
 use crate::ecu::Faults;
 use crate::event::Event;
 use crate::link::Outbox;
@@ -31,7 +31,7 @@ impl<T: Copy + PartialEq> Debounced<T> {
 
     /// Takes the value from one frame. True if it is the debounced value now.
     pub fn see(&mut self, seen: T) -> bool {
-        self.see_frames(seen, 2)
+        self.see_frames(seen, AGREEING)
     }
 
     /// The same, if this many consecutive frames have to agree.

@@ -7,6 +7,7 @@
 
 use super::codec::{Control, RpmCode, RpmFactor, Switch, Version};
 use crate::command::{Demand, Order};
+use crate::consecutive::{AGREEING, Consecutive};
 use crate::link::LinkRecord;
 use crate::report::ReportedSwitch;
 use crate::units::{Rpm, Throttle};
@@ -18,8 +19,6 @@ const FOLLOWS_WITHIN: Duration = Duration::from_millis(700);
 const SWITCH_BY_ID6: u8 = 1;
 /// Retained: it was never given one by ID 6, and obeys the one in ID 1.
 const SWITCH_BY_ID1: u8 = 2;
-/// Consecutive reports of another switch after which the ECU counts as not following. A single one may be a damaged frame.
-const NOT_FOLLOWED: u8 = 2;
 
 /// Knowledge about the ECU when a frame is composed.
 #[derive(Clone, Copy, Debug)]
@@ -127,7 +126,7 @@ impl Id6 {
 #[derive(Clone, Copy, Debug)]
 enum Inherited {
     /// No evidence, unless consecutive reports show that it obeys a different switch than ordered.
-    No { not_followed: u8 },
+    No { not_followed: Consecutive },
     /// Possibly: it ran when the first order was given, or it does not follow ID 1.
     Perhaps,
 }
@@ -151,7 +150,7 @@ impl Modes {
             split_switch,
             mode: Mode::Listen,
             id6: Id6::Released,
-            inherited: Inherited::No { not_followed: 0 },
+            inherited: Inherited::No { not_followed: Consecutive::NONE },
             began_by_id1: false,
         }
     }
@@ -250,12 +249,9 @@ impl Modes {
             _ => return,
         };
         let Inherited::No { not_followed } = &mut self.inherited else { return };
-        if reported == expected || now < follows_from {
-            *not_followed = 0;
-            return;
-        }
-        *not_followed += 1;
-        if *not_followed >= NOT_FOLLOWED {
+        // A single report may be a damaged frame.
+        not_followed.count(reported != expected && now >= follows_from);
+        if not_followed.reached(AGREEING) {
             self.inherited = Inherited::Perhaps;
         }
     }

@@ -1,6 +1,7 @@
 //! Turns the status frames of a ZK ECU into its report, with the values that decisions depend on debounced.
 
 use super::codec::{Rate, State, Status, StatusFrame, SwitchStatus, Version, VoltageByte};
+use crate::consecutive::AGREEING;
 use crate::debounce::{Debounced, DebouncedState};
 use crate::ecu::Faults;
 use crate::event::Event;
@@ -143,7 +144,8 @@ impl DebouncedStatus {
         outbox: &mut Outbox,
     ) {
         let later = self.identity.get().is_some_and(|(known, _)| version > known);
-        if !self.identity.see_frames((version, max_rpm), if later { LATER_VERSION_REPORTS } else { 2 }) {
+        if !self.identity.see_frames((version, max_rpm), if later { LATER_VERSION_REPORTS } else { AGREEING })
+        {
             return;
         }
         report.max_rpm = Some(Timed::new(max_rpm, now));
