@@ -76,6 +76,17 @@ fn numbers_that_are_no_rate_are_not_allowed() {
 }
 
 #[test]
+fn texts_name_the_rates_that_there_are() {
+    let [slow, middle, fast] = Rate::ALL.map(Rate::hz);
+    let rates = format!("{slow}, {middle} or {fast}");
+    let settings = Wiring::table(&Wiring::of(&ZK));
+    let row = settings.iter().find(|row| row.name == "E1_ZK_RATE").unwrap();
+    assert_eq!((row.min as u32, row.max as u32), (slow, fast));
+    assert_eq!(row.unit.choices(), Some(format!("use {rates}").as_str()));
+    assert!(row.text.ends_with(&format!(": {rates}.")), "{}", row.text);
+}
+
+#[test]
 fn wiring_of_an_engine_gives_the_same_engine_back() {
     for engine in [AMT, ZK, EngineConfig::amt("none", 3, Line::new(9600), None)] {
         let mut same = engine;

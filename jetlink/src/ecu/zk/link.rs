@@ -303,9 +303,7 @@ impl Link for ZkLink {
             return Err(Rejected::NotStopped);
         }
         self.require(control.min_version())?;
-        let rate = [Rate::Hz20, Rate::Hz50, Rate::Hz100]
-            .into_iter()
-            .find(|rate| control == Control::Action(rate.action()));
+        let rate = Rate::ALL.into_iter().find(|rate| control == Control::Action(rate.action()));
         if let Some(rate) = rate {
             if !rate.fits(self.line) {
                 return Err(Rejected::RateTooFast);

@@ -4,6 +4,7 @@ use super::control::Action;
 use super::frame::STATUS_LEN;
 use crate::codes::closed_enum;
 use crate::line::Line;
+use crate::setting::Unit;
 use embassy_time::Duration;
 
 closed_enum! {
@@ -17,6 +18,16 @@ closed_enum! {
         Hz100 = 2,
     }
 }
+
+// Settings are below the codec, and have the numbers once more.
+const _: () = {
+    assert!(Unit::STATUS_RATES.len() == Rate::ALL.len());
+    let mut place = 0;
+    while place < Rate::ALL.len() {
+        assert!(Unit::STATUS_RATES[place] as u32 == Rate::ALL[place].hz());
+        place += 1;
+    }
+};
 
 impl Rate {
     /// Frames per second.
