@@ -24,7 +24,7 @@ use jetlink_mavlink::port::PortConfig;
 use jetlink_mavlink::record::read_signing;
 use jetlink_mavlink::record::{apply_to_engine, apply_to_node, engine_of_attached};
 use jetlink_mavlink::retained_settings::{Defaults, fingerprint};
-use jetlink_mavlink::service::{EngineParts, Keeping, Request, Service};
+use jetlink_mavlink::service::{EngineParts, ParameterStorage, Request, Service};
 use jetlink_mavlink::settings::{EngineSettings, Identity, NodeSettings};
 use jetlink_mavlink::signing::SigningState;
 use jetlink_mavlink::store::{AtRest, Found, KEYS};
@@ -225,7 +225,11 @@ pub fn build(node: &'static Node<N>, settings: &mut Settings, radio: Option<&'st
     let runner = RUNNER.init_with(|| {
         let attached = With::<ANY>::attach(radio, attached);
         let mut service = Service::with(now, *of_node, signing, engines, ports, attached);
-        service.set_keeping(if store.is_some() { Keeping::Stored } else { Keeping::Lost });
+        service.set_parameter_storage(if store.is_some() {
+            ParameterStorage::Stored
+        } else {
+            ParameterStorage::Lost
+        });
         service.set_room(&DEFAULTS);
         service.set_damaged(found == Found::Damaged);
         service.set_wiring(wiring, const { &wiring::IMAGE }, *contradiction);
@@ -291,13 +295,13 @@ pub async fn serve(mavlink: Mavlink, port: EcuPort) {
             }
         }
     });
-    let keep = async {
+    let save = async {
         match store {
-            Some(store) => runner.keep(store, &AT_REST).await,
+            Some(store) => runner.store_settings(store, &AT_REST).await,
             None => core::future::pending().await,
         }
     };
-    let work = select(runner.serve(TELEMETRY_PORT, port.rx, port.tx), keep);
+    let work = select(runner.serve(TELEMETRY_PORT, port.rx, port.tx), save);
     if let Either::First(Request::Reboot) = select(time, work).await {
         defmt::info!("MAVLink: restarting on command");
         board::restart();

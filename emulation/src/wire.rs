@@ -248,8 +248,8 @@ impl Wire {
         self.free_at = start + self.line.byte_ns(bytes.len() as u64);
     }
 
-    /// Bytes sent without a request: the F4's UART makes none while it is off. The line does not keep them. Half a bit late is not
-    /// missed: a stop comes a little late while the core is busy.
+    /// Bytes that were due while no UART fetched them: the F4's does not while it is off. The line does not keep them. Half a bit late
+    /// is not missed: a stop comes a little late while the core is busy.
     fn skip_missed(&mut self, now: Nanos) {
         let half_a_bit = self.line.byte_ns(1) / 20;
         while let Some(&Queued { due, byte: value, last }) = self.queue.front()

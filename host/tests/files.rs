@@ -51,11 +51,11 @@ fn refused(output: &Output, status: i32) -> String {
 #[test]
 fn no_file_is_touched_when_one_of_them_cannot_be_written() {
     let folder = folder("untouched");
-    let keep = folder.join("keep.csv");
-    fs::write(&keep, "precious").unwrap();
-    let output = rig(&["--fast", "--csv", keep.to_str().unwrap(), "--plot", "/nonexistent/x.svg"]);
+    let existing = folder.join("keep.csv");
+    fs::write(&existing, "precious").unwrap();
+    let output = rig(&["--fast", "--csv", existing.to_str().unwrap(), "--plot", "/nonexistent/x.svg"]);
     assert!(refused(&output, 1).contains("cannot write /nonexistent/x.svg: "));
-    assert_eq!(fs::read_to_string(&keep).unwrap(), "precious");
+    assert_eq!(fs::read_to_string(&existing).unwrap(), "precious");
     let new = folder.join("new.csv");
     let output = rig(&["--fast", "--csv", new.to_str().unwrap(), "--plot", "/nonexistent/x.svg"]);
     refused(&output, 1);
@@ -65,36 +65,36 @@ fn no_file_is_touched_when_one_of_them_cannot_be_written() {
 #[test]
 fn the_csv_file_stays_when_a_capture_cannot_be_written() {
     let folder = folder("capture-blocked");
-    let (keep, capture) = (folder.join("keep.csv"), folder.join("capture"));
-    fs::write(&keep, "precious").unwrap();
+    let (existing, capture) = (folder.join("keep.csv"), folder.join("capture"));
+    fs::write(&existing, "precious").unwrap();
     fs::create_dir_all(capture.join("right-from-ecu.bin")).unwrap();
     let left = capture.join("left-from-ecu.bin");
     fs::write(&left, "bytes").unwrap();
-    let args = ["--fast", "--csv", keep.to_str().unwrap(), "--capture", capture.to_str().unwrap()];
+    let args = ["--fast", "--csv", existing.to_str().unwrap(), "--capture", capture.to_str().unwrap()];
     let error = refused(&rig(&args), 1);
     assert!(error.contains("right-from-ecu.bin: "), "{error}");
-    assert_eq!(fs::read_to_string(&keep).unwrap(), "precious");
+    assert_eq!(fs::read_to_string(&existing).unwrap(), "precious");
     assert_eq!(fs::read_to_string(&left).unwrap(), "bytes");
     // A folder that cannot be made.
-    let args = ["--fast", "--csv", keep.to_str().unwrap(), "--capture", left.to_str().unwrap()];
+    let args = ["--fast", "--csv", existing.to_str().unwrap(), "--capture", left.to_str().unwrap()];
     refused(&rig(&args), 1);
-    assert_eq!(fs::read_to_string(&keep).unwrap(), "precious");
+    assert_eq!(fs::read_to_string(&existing).unwrap(), "precious");
 }
 
 #[test]
 fn the_csv_file_stays_when_nothing_can_be_written_beside_a_plot() {
     let folder = folder("part-blocked");
-    let (keep, plot) = (folder.join("keep.csv"), folder.join("x.svg"));
+    let (existing, plot) = (folder.join("keep.csv"), folder.join("x.svg"));
     fs::write(&plot, "the plot before").unwrap();
     // A folder at the place of the temporary file, which is named by the process.
     let script = "mkdir \"$1/.x.svg.$$.part\" && exec \"$2\" rig --fast --standby --csv \"$1/keep.csv\" $3 \"$1/x.svg\"";
-    fs::write(&keep, "precious").unwrap();
+    fs::write(&existing, "precious").unwrap();
     let output = Command::new("sh")
         .args(["-c", script, "sh", folder.to_str().unwrap(), env!("CARGO_BIN_EXE_jetlink"), "--plot"])
         .output()
         .expect("it runs");
     assert!(refused(&output, 1).contains("x.svg: "));
-    assert_eq!(fs::read_to_string(&keep).unwrap(), "precious");
+    assert_eq!(fs::read_to_string(&existing).unwrap(), "precious");
     assert_eq!(fs::read_to_string(&plot).unwrap(), "the plot before");
 }
 

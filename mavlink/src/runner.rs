@@ -65,7 +65,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Runner<'a, N, P, A> {
         self.service.borrow().port_counters(port)
     }
 
-    /// Does what is due until there is a request to the node. `after` is called after each step, to keep what has to be kept.
+    /// Does what is due, until the node has to do something itself. `after` comes after each step, for what has to be retained.
     #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read, and what waits")]
     pub async fn keep_time(&self, mut after: impl FnMut(Instant, &Service<'a, N, P, A>)) -> Request {
         let mut request = None;
@@ -159,7 +159,11 @@ impl<'a, const N: usize, const P: usize, A: Attached> Runner<'a, N, P, A> {
     /// Stores settings. The store checks `at_rest` before it erases. This has to run from the start on, and must not be
     /// dropped during a save.
     #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read, and what waits")]
-    pub async fn keep<F: Flash, const KEYS: usize>(&self, store: &mut Store<'_, F, KEYS>, at_rest: &AtRest) {
+    pub async fn store_settings<F: Flash, const KEYS: usize>(
+        &self,
+        store: &mut Store<'_, F, KEYS>,
+        at_rest: &AtRest,
+    ) {
         let watch = async {
             loop {
                 at_rest.set(self.service.borrow().is_at_rest());

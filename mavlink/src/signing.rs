@@ -1,8 +1,8 @@
 //! Signing of MAVLink 2: only a sender with the key may command, even if others can write on the link.
 //!
 //! A signed frame ends with the number of its link, a time stamp and the first 48 bits of SHA-256 over key, frame, link and stamp.
-//! Every sender (system, component, link) increments its time stamps, so that a replayed frame is recognised. A node has no
-//! real-time clock: its stamps continue from the last one that was kept, and follow those that it accepts.
+//! Every sender (system, component, link) increments its time stamps, so that a recorded frame that is sent again is recognised.
+//! A node has no clock of the day: its stamps continue from the last one that was stored, and follow those that it accepts.
 
 use crate::ids::{Address, MAX_FRAME};
 use embassy_time::{Duration, Instant};
@@ -301,7 +301,7 @@ impl Signing {
         if cfg!(feature = "signing") { self.state.key() } else { None }
     }
 
-    /// The state to keep.
+    /// What is to be stored.
     pub fn state(&self, now: Instant) -> SigningState {
         SigningState { stamp: self.stamp(now), ..self.state.clone() }
     }

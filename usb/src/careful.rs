@@ -77,7 +77,7 @@ impl<'d, D: Driver<'d>> Driver<'d> for Careful<D> {
 pub struct CarefulBus<B> {
     bus: B,
     is_suspended: fn() -> bool,
-    /// Not before this is it asked again.
+    /// It is polled again at this time, or later.
     next: Instant,
 }
 
@@ -90,7 +90,7 @@ impl<B: Bus> Bus for CarefulBus<B> {
         self.bus.disable().await;
     }
 
-    #[expect(clippy::disallowed_methods, reason = "a controller is not asked without a pause")]
+    #[expect(clippy::disallowed_methods, reason = "a controller is polled with a pause")]
     async fn poll(&mut self) -> Event {
         loop {
             Timer::at(self.next).await;

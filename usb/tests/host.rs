@@ -1,4 +1,4 @@
-//! The device under a simulated host: found and opened as a serial port, asked for what it does not have, left in the middle of a request,
+//! The device under a simulated host: found and opened as a serial port, sent requests for what it does not have, left in the middle of a request,
 //! suspended. The controller is simulated as Embassy's drivers of the chips behave, their panics and endless waits included.
 #![allow(clippy::disallowed_methods, reason = "a scenario keeps its own time")]
 

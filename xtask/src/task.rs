@@ -47,7 +47,7 @@ pub enum Task<'a> {
 /// What is printed in place of a task.
 #[derive(Debug)]
 pub enum Answer {
-    /// A text that was asked for.
+    /// A text that was requested.
     Help(String),
     /// A sentence: it is no task, or something is missing for it.
     Wrong(String),

@@ -289,7 +289,7 @@ fn what_is_no_task_is_reported() {
     }
 }
 
-/// Neither the toolchain nor `cargo` is asked: a build takes minutes.
+/// Neither the toolchain nor `cargo` is started: a build takes minutes.
 #[test]
 fn a_wrong_call_and_help_are_answered_before_any_build() {
     let computer = Computer::without_rustup("calls");

@@ -34,8 +34,8 @@ use vendor::{Judge as _, Level, Rise};
 const MADE_BEFORE: Nanos = 50 * MILLIS;
 /// Bytes of one frame follow each other; after a longer gap another frame begins.
 const LONGEST_GAP: Nanos = 5 * MILLIS;
-/// Number of findings that are kept; all are counted.
-const KEPT: usize = 5;
+/// Findings that are stored; all are counted.
+const FINDING_CAPACITY: usize = 5;
 /// Periods of the ECU's frames without one after which nothing is on the wire.
 const NOTHING_AFTER: Nanos = 3;
 /// Time by which a rise after a gap or a reset has ended: 10 s of doubt, 2 s from idle to full, and a frame.
@@ -231,7 +231,7 @@ pub struct Audit {
     sent_until: Nanos,
     /// The first bit of the first frame of the last emergency stop.
     pub stop_at: Option<Nanos>,
-    /// All that it sent; kept for a scenario's judge.
+    /// All that it sent; stored for a scenario's judge.
     pub transmitted: Option<Vec<TransmittedFrame>>,
     /// Frames of the node.
     pub frames: u64,
@@ -678,7 +678,7 @@ impl Audit {
             return;
         }
         self.not_given += 1;
-        if self.findings.len() < KEPT {
+        if self.findings.len() < FINDING_CAPACITY {
             let order = self.orders.iter().rev().find(|&&(from, _)| from <= at);
             let order = order.map_or(Allowed::Order(Order::Listen), |&(_, order)| order);
             let what = format!("{what}; allowed: {order}");

@@ -6,11 +6,11 @@ pub fn elided(text: &str, width: usize, mark: char) -> String {
         return text.to_owned();
     }
     let room = width.saturating_sub(1);
-    let kept: String = text.chars().take(room).collect();
+    let start: String = text.chars().take(room).collect();
     let between = |c: char| matches!(c, ' ' | '-');
-    let whole = if text.chars().nth(room).is_some_and(between) { Some(kept.as_str()) } else { None };
-    let whole = whole.or_else(|| kept.rfind(between).and_then(|end| kept.get(..end)));
-    let whole = whole.filter(|whole| whole.chars().count() * 2 >= room).unwrap_or(&kept);
+    let whole = if text.chars().nth(room).is_some_and(between) { Some(start.as_str()) } else { None };
+    let whole = whole.or_else(|| start.rfind(between).and_then(|end| start.get(..end)));
+    let whole = whole.filter(|whole| whole.chars().count() * 2 >= room).unwrap_or(&start);
     let whole = whole.trim_end_matches([' ', ',', ';', ':', '-']);
     whole.chars().chain((width > 0).then_some(mark)).collect()
 }

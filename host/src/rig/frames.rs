@@ -12,8 +12,8 @@ use std::collections::VecDeque;
 
 /// Bytes of one frame of the node follow each other.
 const LONGEST_GAP: Nanos = 5 * MILLIS;
-/// Number of frames that are kept.
-const KEPT: usize = 200;
+/// Frames that are stored.
+const CAPACITY: usize = 200;
 /// Bytes without a frame that are shown in one piece.
 const LONGEST_SKIP: usize = 8;
 
@@ -65,7 +65,7 @@ pub struct Frames {
     pending: VecDeque<Entry>,
     /// The frame that the node is sending.
     command: Vec<Entry>,
-    kept: VecDeque<Frame>,
+    frames: VecDeque<Frame>,
 }
 
 impl Frames {
@@ -77,13 +77,13 @@ impl Frames {
             decoder: telemetry::Protocol::from(protocol).decoder(&Hints::default()),
             pending: VecDeque::new(),
             command: Vec::new(),
-            kept: VecDeque::new(),
+            frames: VecDeque::new(),
         }
     }
 
     /// The last of them, the oldest first.
     pub fn last(&self, count: usize) -> impl DoubleEndedIterator<Item = &Frame> {
-        self.kept.iter().skip(self.kept.len().saturating_sub(count))
+        self.frames.iter().skip(self.frames.len().saturating_sub(count))
     }
 
     /// Takes the recording of the line.
@@ -96,7 +96,7 @@ impl Frames {
         }
     }
 
-    fn keep(&mut self, direction: Direction, entries: &[Entry], text: Option<String>) {
+    fn push(&mut self, direction: Direction, entries: &[Entry], text: Option<String>) {
         let (Some(first), Some(last)) = (entries.first(), entries.last()) else { return };
         let bytes = entries.iter().map(|entry| match direction {
             Direction::ToNode => received(entry).unwrap_or(entry.byte),
@@ -111,10 +111,10 @@ impl Frames {
         let frame =
             Frame { direction, from: first.start, to: last.end, bytes: bytes.collect(), text, arrival };
         // Frames of both directions come in the order of their ends.
-        let place = self.kept.iter().rposition(|other| other.to <= frame.to).map_or(0, |place| place + 1);
-        self.kept.insert(place, frame);
-        if self.kept.len() > KEPT {
-            self.kept.pop_front();
+        let place = self.frames.iter().rposition(|other| other.to <= frame.to).map_or(0, |place| place + 1);
+        self.frames.insert(place, frame);
+        if self.frames.len() > CAPACITY {
+            self.frames.pop_front();
         }
     }
 
@@ -129,25 +129,25 @@ impl Frames {
         let skipped = self.pending.len().saturating_sub(length);
         if skipped >= LONGEST_SKIP || (skipped > 0 && text.is_some()) {
             let bytes: Vec<Entry> = self.pending.drain(..skipped).collect();
-            self.keep(Direction::ToNode, &bytes, None);
+            self.push(Direction::ToNode, &bytes, None);
         }
         if text.is_some() {
             let bytes: Vec<Entry> = self.pending.drain(..).collect();
-            self.keep(Direction::ToNode, &bytes, text);
+            self.push(Direction::ToNode, &bytes, text);
         }
     }
 
     fn node_byte(&mut self, entry: &Entry) {
         if self.command.last().is_some_and(|last| entry.start > last.end + LONGEST_GAP) {
             let bytes = core::mem::take(&mut self.command);
-            self.keep(Direction::ToEcu, &bytes, None);
+            self.push(Direction::ToEcu, &bytes, None);
         }
         self.command.push(*entry);
         if self.command.len() == self.protocol.control_length() {
             let entries = core::mem::take(&mut self.command);
             let bytes: Vec<u8> = entries.iter().map(|entry| entry.byte).collect();
             let text = Command::read(self.protocol, &bytes).ok().map(|command| command.to_string());
-            self.keep(Direction::ToEcu, &entries, text);
+            self.push(Direction::ToEcu, &entries, text);
         }
     }
 }

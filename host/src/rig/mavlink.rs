@@ -91,11 +91,11 @@ impl Mavlink {
             self.signing.replace(service.signing(now));
             for (i, (config, settings)) in service.engine_settings().enumerate() {
                 node.configure(i, *config);
-                if let Some(kept) = self.engines.borrow_mut().get_mut(i) {
-                    *kept = *settings;
+                if let Some(stored) = self.engines.borrow_mut().get_mut(i) {
+                    *stored = *settings;
                 }
                 if let Some((radio, settings)) = radio.zip(service.attached().engine_settings(i)) {
-                    radio.0.keep(i, settings);
+                    radio.0.configure(i, settings);
                 }
                 if let Some(settings) = service.attached().output_settings(i) {
                     node.configure_outputs(i, settings);

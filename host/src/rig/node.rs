@@ -104,11 +104,11 @@ impl<'a> Node<'a> {
         };
         // From what was retained, before anything else.
         let last = self.outputs.take();
-        let is_kept = self.cause.get() != Cause::PowerLost;
+        let is_retained = self.cause.get() != Cause::PowerLost;
         let outputs = self.memory.iter().zip(self.output_settings.get()).enumerate();
         let outputs = outputs.map(|(i, (memory, settings))| {
             let record = memory.load(self.config(i).fingerprint(), reset);
-            let power = last.get(i).map(Outputs::power).filter(|_| is_kept);
+            let power = last.get(i).map(Outputs::power).filter(|_| is_retained);
             Outputs::new(settings, Before { record, power, has_failed: false })
         });
         let outputs: Vec<Outputs> = outputs.collect();
@@ -135,10 +135,10 @@ impl<'a> Node<'a> {
         self.configs.borrow()[engine].unwrap_or(self.engines[engine].config)
     }
 
-    /// Keeps a configuration for the next start, as a board that stores its settings does.
+    /// Stores a configuration for the next start, as a board that stores its settings does.
     pub fn configure(&self, engine: usize, config: EngineConfig) {
-        if let Some(kept) = self.configs.borrow_mut().get_mut(engine) {
-            *kept = Some(config);
+        if let Some(stored) = self.configs.borrow_mut().get_mut(engine) {
+            *stored = Some(config);
         }
     }
 
@@ -197,11 +197,11 @@ impl<'a> Node<'a> {
         self.output_settings.get()
     }
 
-    /// Keeps settings of an engine's outputs for the next start.
+    /// Stores settings of an engine's outputs for the next start.
     pub fn configure_outputs(&self, engine: usize, settings: OutputSettings) {
         let mut all = self.output_settings.get();
-        if let Some(kept) = all.get_mut(engine) {
-            *kept = settings;
+        if let Some(stored) = all.get_mut(engine) {
+            *stored = settings;
         }
         self.output_settings.set(all);
     }

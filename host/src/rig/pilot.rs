@@ -111,7 +111,7 @@ impl<'a> Pilot<'a> {
                 self.context.input.set(PilotInput::Standby);
                 let limit = Instant::now() + self.plan.cooling_takes + READY_WITHIN;
                 let _ = self
-                    .keep(limit, |telemetry| {
+                    .hold_until(limit, |telemetry| {
                         (telemetry.link == LinkState::Lost || is_cool(telemetry)).then_some(())
                     })
                     .await;
@@ -171,7 +171,7 @@ impl<'a> Pilot<'a> {
             report.version.is_some() && report.idle_rpm.is_some() && report.max_rpm.is_some()
         };
         let ready = self
-            .keep(limit, |telemetry| {
+            .hold_until(limit, |telemetry| {
                 (telemetry.link == LinkState::Up
                     && is_cool(telemetry)
                     && (!by_rpm || reported_speeds(telemetry)))
@@ -208,7 +208,7 @@ impl<'a> Pilot<'a> {
         let takes = self.plan.start_takes;
         let started = Instant::now();
         let running = self
-            .keep(started + takes * 3 / 2 + READY_WITHIN, |telemetry| {
+            .hold_until(started + takes * 3 / 2 + READY_WITHIN, |telemetry| {
                 (phase(telemetry) == Some(Phase::Running)).then_some(())
             })
             .await;
@@ -308,7 +308,7 @@ impl<'a> Pilot<'a> {
         let first = speed(&self.telemetry());
         let mut last = Steady::default();
         let reached = self
-            .keep(end, |telemetry| {
+            .hold_until(end, |telemetry| {
                 let now = speed(telemetry)?;
                 let steady = last.is_steady(now);
                 let moved =
@@ -346,7 +346,7 @@ impl<'a> Pilot<'a> {
         // The throttle is back before the shaft speed: the next step has to begin at the speed of its demand.
         let mut last = Steady::default();
         let follows = self
-            .keep(Instant::now() + FOLLOWS_WITHIN, |telemetry| {
+            .hold_until(Instant::now() + FOLLOWS_WITHIN, |telemetry| {
                 let steady = last.is_steady(speed(telemetry)?);
                 (steady && telemetry.loss == LossStage::None && obeyed(telemetry, demand)).then_some(())
             })
@@ -367,7 +367,7 @@ impl<'a> Pilot<'a> {
         let limit = Instant::now() + self.plan.cooling_takes * 3 / 2 + READY_WITHIN;
         let mut cool_ticks = 0;
         let cooled = self
-            .keep(limit, |telemetry| {
+            .hold_until(limit, |telemetry| {
                 cool_ticks = if is_cool(telemetry) { cool_ticks + 1 } else { 0 };
                 (cool_ticks >= STEADY_TICKS).then_some(())
             })
@@ -382,7 +382,7 @@ impl<'a> Pilot<'a> {
         }
         let limit = self.clean_from.max(Instant::now()) + RECOVER_WITHIN;
         let up = self
-            .keep(limit, |telemetry| {
+            .hold_until(limit, |telemetry| {
                 (telemetry.link == LinkState::Up && self.context.recovered_after.get().is_some())
                     .then_some(())
             })
@@ -396,18 +396,22 @@ impl<'a> Pilot<'a> {
 
     /// Holds the input until then, whatever happens.
     async fn hold(&self, until: Instant) {
-        let _ = self.keep(until, |_| None::<()>).await;
+        let _ = self.hold_until(until, |_| None::<()>).await;
     }
 
     async fn keep_running(&self, until: Instant) -> Result<(), String> {
-        match self.keep(until, |_| None::<()>).await {
+        match self.hold_until(until, |_| None::<()>).await {
             Ok(()) | Err(Cut::TimeUp) => Ok(()),
             Err(cut) => Err(self.stopped(cut)),
         }
     }
 
-    /// Holds the input until `come` returns a value, the time is over, or the engine stops.
-    async fn keep<T>(&self, until: Instant, mut come: impl FnMut(&Telemetry) -> Option<T>) -> Result<T, Cut> {
+    /// Holds the input until this has come, or the time is over, or the engine stops.
+    async fn hold_until<T>(
+        &self,
+        until: Instant,
+        mut come: impl FnMut(&Telemetry) -> Option<T>,
+    ) -> Result<T, Cut> {
         let input = self.context.input.get();
         let mut ticker = Ticker::every(TICK);
         self.command(input)?;

@@ -92,11 +92,11 @@ impl Radio {
         RefCell::new(Service::new(self.protocol.input(), pilots))
     }
 
-    /// Keeps the settings of an engine for the next start of the node.
-    pub fn keep(&self, engine: usize, settings: EngineSettings) {
+    /// Stores the settings of an engine for the next start of the node.
+    pub fn configure(&self, engine: usize, settings: EngineSettings) {
         let mut all = self.settings.get();
-        if let Some(kept) = all.get_mut(engine) {
-            *kept = settings;
+        if let Some(stored) = all.get_mut(engine) {
+            *stored = settings;
         }
         self.settings.set(all);
     }

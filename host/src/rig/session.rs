@@ -373,7 +373,7 @@ impl<'a> World<'a> {
             end,
             checks: self.scenario_context.checks(),
             bad_commands: self.setup.scenario.map_or(0, |scenario| scenario.bad_commands),
-            actions: self.player.kept(),
+            actions: self.player.recorded(),
             reception: self.setup.radio.as_ref().map(Radio::reception),
             is_scenario: self.setup.scenario.is_some(),
         }

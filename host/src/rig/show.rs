@@ -155,11 +155,11 @@ impl Show {
                 }
             }
             Shown::Screen(screen) => {
-                let keep = |message: Option<&Message>| match message {
+                let store = |message: Option<&Message>| match message {
                     Some(message) => files.message(message),
                     None => files.idle(),
                 };
-                screen.run(messages, keep)?.map_err(ShowError::Screen)
+                screen.run(messages, store)?.map_err(ShowError::Screen)
             }
         }
     }

@@ -5,12 +5,12 @@ use sim::any::AnyEcu;
 use sim::line::Line;
 use sim::turbine::Parameters;
 
-/// Obeyed commands that an ECU keeps; the rig looks at the line instead.
-const COMMANDS_KEPT: usize = 0;
+/// Obeyed commands that an ECU stores; the rig looks at the line instead.
+const LOG_CAPACITY: usize = 0;
 
 /// The ECU of this engine, not yet under power.
 pub fn ecu(engine: &Engine) -> AnyEcu {
-    engine.ecu.config().on(line(engine)).with_log(COMMANDS_KEPT).ecu()
+    engine.ecu.config().on(line(engine)).with_log(LOG_CAPACITY).ecu()
 }
 
 /// The line of this engine, in the terms of the simulation.

@@ -14,8 +14,8 @@ impl Tap {
 
     /// More of them.
     pub fn add(&mut self, entries: &[Entry]) {
-        if let Some(kept) = &mut self.0 {
-            kept.extend_from_slice(entries);
+        if let Some(recorded) = &mut self.0 {
+            recorded.extend_from_slice(entries);
         }
     }
 

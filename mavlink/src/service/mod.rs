@@ -1,16 +1,16 @@
 //! The service: bytes of each port and the time in, frames out. It does no IO and reads no clock.
 //!
-//! Methods call in one direction: each file calls only those listed after it: `poll.rs`; `incoming.rs`; `commands.rs` and
-//! `signing.rs`; `outgoing.rs` and `keeping.rs`; `parameters.rs`; this one.
+//! Its methods call one way, a file only those behind it: `poll.rs`; `incoming.rs`; `commands.rs` and `signing.rs`; `outgoing.rs` and
+//! `storage.rs`; `parameters.rs`; this one.
 
 mod commands;
 mod incoming;
-mod keeping;
 mod outgoing;
 pub mod parameters;
 mod poll;
 #[cfg(feature = "signing")]
 mod signing;
+mod storage;
 
 use crate::attached::{Attached, Nothing, sealed::Streams};
 #[cfg(feature = "signing")]
@@ -119,8 +119,8 @@ pub struct Service<'a, const N: usize, const P: usize, A: Attached = Nothing> {
     /// The signing counter that was sent last.
     signing_sent: u8,
     reboot: bool,
-    keeping: Keeping,
-    /// Defaults of the image, with the RAM for settings that differ from them.
+    storage: ParameterStorage,
+    /// Defaults of the image, with the RAM for what differs from them.
     room: Option<&'static Defaults<'static>>,
     /// The stored settings are damaged, and nobody has confirmed the present ones.
     damaged: bool,
@@ -144,7 +144,7 @@ pub struct Service<'a, const N: usize, const P: usize, A: Attached = Nothing> {
 
 /// What happens to a parameter that was set.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Keeping {
+pub enum ParameterStorage {
     /// The code that built the service looks after it ([`Service::settings`], [`Service::engine_settings`]).
     ByBuilder,
     /// It is stored: [`Service::next_save`].
@@ -179,8 +179,8 @@ impl Place {
 }
 
 impl<'a, const N: usize, const P: usize> Service<'a, N, P> {
-    /// A service for these engines and ports. Engines beyond `N` and ports beyond `P` are left out. `signing` is
-    /// the kept state of [`Service::signing`].
+    /// A service for these engines and ports. What exceeds `N` or `P` is left out. `signing` is what was stored of
+    /// [`Service::signing`].
     pub fn new(
         now: Instant,
         settings: NodeSettings,
@@ -233,7 +233,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             first: 0,
             signing_sent: 0,
             reboot: false,
-            keeping: Keeping::ByBuilder,
+            storage: ParameterStorage::ByBuilder,
             room: None,
             damaged: false,
             until_text: 0,

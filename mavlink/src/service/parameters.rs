@@ -1,5 +1,5 @@
-//! Parameters: the settings of the node in its component, those of an engine in the engine's. All are `REAL32`; their number
-//! and order are fixed. They are served from RAM; `keeping.rs` sets and stores them.
+//! Parameters: the settings of the node in its component, those of an engine in the engine's. All are `REAL32`, and count and
+//! order are fixed. They are served from RAM; `storage.rs` sets and stores them.
 
 use super::{Place, Service};
 use crate::attached::Attached;

@@ -1,6 +1,6 @@
 //! What a key requires of received frames, and how it is set.
 
-use super::{Keeping, Place, Service};
+use super::{ParameterStorage, Place, Service};
 use crate::attached::Attached;
 use crate::cover::Fate;
 use crate::fields::{Fields, setup_signing};
@@ -41,7 +41,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
             self.counters.signing.count(Ignored::Behind);
             return false;
         }
-        if self.keeping != Keeping::Stored || self.cover.covers(stamp) {
+        if self.storage != ParameterStorage::Stored || self.cover.covers(stamp) {
             return true;
         }
         if self.cover.hold(now, port, frame, target.component, stamp) {
@@ -71,7 +71,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
     /// Requests a save of key and time stamp when an engine has stopped, and from time to time at rest.
     pub(super) fn cover_from_time_to_time(&mut self, now: Instant) {
         if self.signing.key().is_some()
-            && self.keeping == Keeping::Stored
+            && self.storage == ParameterStorage::Stored
             && self.cover.is_due(now, self.any_turns(), self.is_at_rest())
         {
             self.cover.want(self.signing.stamp(now));
@@ -134,7 +134,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         let key = Key::new(setup.bytes(setup_signing::KEY));
         self.signing.set_key(now, key, stamp);
         self.cover.forget();
-        if self.keeping == Keeping::Stored {
+        if self.storage == ParameterStorage::Stored {
             self.cover.want(self.signing.stamp(now));
         }
         // Anybody may have sent what was received before. The id stays: it changes only at a start.

@@ -7,7 +7,7 @@ use crate::ids::{CMD_REQUEST_MESSAGE, CMD_SET_MESSAGE_INTERVAL};
 use crate::record;
 use crate::refusal::Refusal;
 use crate::retained_settings::{AttachedDefaults, Defaults, fingerprint};
-use crate::service::Keeping;
+use crate::service::ParameterStorage;
 use crate::service::parameters::engine_parameters;
 use crate::settings::NodeSettings;
 use crate::store::NotSaved;
@@ -186,8 +186,8 @@ fn settings_of_what_is_attached_are_set_refused_and_stored_as_records_of_their_o
         assert!(echo == Some(5.0) && text.contains("an engine turns"), "{text}");
         world.toy.refuses.set(false);
 
-        world.service.borrow_mut().set_keeping(Keeping::Stored);
-        // Node, engines, attached devices of each, and signing.
+        world.service.borrow_mut().set_parameter_storage(ParameterStorage::Stored);
+        // Node, engines, what is attached to each, and signing.
         assert_eq!(world.service.borrow().places(), 5 + usize::from(cfg!(feature = "signing")));
         for (result, value) in [(Ok(()), 8), (Err(NotSaved::Full), 8)] {
             let new = if result.is_ok() { 8.0 } else { 9.0 };
@@ -279,7 +279,7 @@ fn a_calibration_of_the_stick_sets_its_end_points() {
         assert_eq!(values(at), [("TOY_B".to_string(), 11.0), ("TOY_C".to_string(), 19.0)]);
 
         *world.toy.numbers.borrow_mut() = [[0, 1, 2]; 2];
-        world.service.borrow_mut().set_keeping(Keeping::Stored);
+        world.service.borrow_mut().set_parameter_storage(ParameterStorage::Stored);
         let at = world.frames.borrow().len();
         assert_eq!(world.command(ENGINE[1], 31010, &END).await.0, Some(0));
         assert_eq!(values(at), [], "not before they are stored");

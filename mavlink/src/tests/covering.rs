@@ -9,7 +9,7 @@ use crate::ids::*;
 use crate::port::PortConfig;
 use crate::record::read_signing;
 use crate::runner::Runner;
-use crate::service::{Keeping, Service};
+use crate::service::{ParameterStorage, Service};
 use crate::settings::{Identity, NodeSettings};
 use crate::signing::{Key, SigningState, Stamp};
 use crate::store::{AtRest, Found, NotSaved, Store};
@@ -40,7 +40,7 @@ fn before_all() -> Stamp {
 /// The ground station is on a radio, and settings are stored.
 fn run_stored(signing: SigningState, scenario: impl AsyncFnOnce(&World<'_>)) {
     run_signed(known(), signing, PortConfig::network(), async |world| {
-        world.service.borrow_mut().set_keeping(Keeping::Stored);
+        world.service.borrow_mut().set_parameter_storage(ParameterStorage::Stored);
         scenario(world).await;
     });
 }
@@ -270,7 +270,7 @@ fn stamps_are_stored_where_an_engine_stops_and_each_ten_minutes_at_rest() {
         assert!(stamps.iter().any(|&stamp| stamp > stopped), "{stamps:?} {stopped}");
         // Without a key there is nothing to save.
         world.key_is_everywhere.set(false);
-        world.service.borrow_mut().set_keeping(Keeping::Lost);
+        world.service.borrow_mut().set_parameter_storage(ParameterStorage::Lost);
         world.pass(700.0).await;
         assert_eq!(saves(world).len(), 0);
     });
@@ -307,7 +307,7 @@ fn a_replay_after_a_loss_of_power_starts_nothing_and_a_new_start_does() {
         run_stored(state, async |world| {
             // The clock of the others has advanced meanwhile.
             world.stamp.set(SENDERS_STAMP + 100 * 100_000);
-            world.service.borrow_mut().set_keeping(Keeping::Lost);
+            world.service.borrow_mut().set_parameter_storage(ParameterStorage::Lost);
             world.plane.alive.set(false);
             world.ground.set(false);
             world.until("standby", 30, || world.telemetry(0).state == EngineState::Standby).await;
@@ -350,7 +350,7 @@ fn after_a_power_cut_at_any_write_or_erase_no_stamp_goes_back_and_no_key_is_lost
         let (mut keys, mut acted) = (std::vec![None], 0);
         let mut flash = None;
         run_signed(known(), SigningState::NONE, PortConfig::usb(), async |world| {
-            world.service.borrow_mut().set_keeping(Keeping::Stored);
+            world.service.borrow_mut().set_parameter_storage(ParameterStorage::Stored);
             world.key_is_everywhere.set(false);
             world.until("at rest", 30, || world.service.borrow().is_at_rest()).await;
             let (mut store, ..) = load(mock, &at_rest);
@@ -420,9 +420,9 @@ fn the_runner_stores_key_and_stamp_without_a_frame_that_comes() {
     let now = Instant::now();
     let signing = SigningState::new(key(7), before_all());
     let mut service: Service<'_, 1, 1> = Service::new(now, known(), signing, [], [PortConfig::network()]);
-    service.set_keeping(Keeping::Stored);
+    service.set_parameter_storage(ParameterStorage::Stored);
     let runner = Runner::new(service);
-    let node = join(runner.keep_time(|_, _| ()), runner.keep(&mut store, &at_rest));
+    let node = join(runner.keep_time(|_, _| ()), runner.store_settings(&mut store, &at_rest));
     sim::clock::run(select(node, Timer::after_secs(1)));
     let (found, state) = stored(store.into_flash(), &at_rest);
     let state = state.unwrap();

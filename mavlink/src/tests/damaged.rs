@@ -14,7 +14,7 @@ use crate::retained_settings::{AttachedDefaults, Defaults};
 #[cfg(feature = "signing")]
 use crate::runner::Runner;
 #[cfg(feature = "signing")]
-use crate::service::{Keeping, Request, Service};
+use crate::service::{ParameterStorage, Request, Service};
 use crate::settings::{Identity, NodeSettings};
 use crate::signing::SigningState;
 #[cfg(feature = "signing")]
@@ -309,7 +309,7 @@ fn a_restart_behind_a_confirmation_waits_until_all_is_stored() {
     let now = Instant::now();
     let mut service: Service<'_, 1, 1> =
         Service::new(now, known(), SigningState::NONE, [], [PortConfig::usb()]);
-    service.set_keeping(Keeping::Stored);
+    service.set_parameter_storage(ParameterStorage::Stored);
     service.set_damaged(true);
     let to_node = |command, params: &[f32]| COMMAND_LONG_DATA {
         command,
@@ -327,7 +327,7 @@ fn a_restart_behind_a_confirmation_waits_until_all_is_stored() {
         let request = runner.keep_time(|_, service| assert!(restarted.get().is_none(), "{service:?}")).await;
         restarted.set(Some((request, Instant::now())));
     };
-    sim::clock::run(select(node, runner.keep(&mut store, &at_rest)));
+    sim::clock::run(select(node, runner.store_settings(&mut store, &at_rest)));
     let (request, at) = restarted.get().expect("it restarts");
     assert!(request == Request::Reboot && at >= now + Duration::from_secs(4), "two erases: {at}");
     let mock = Mock { erase_time: None, ..store.into_flash() };

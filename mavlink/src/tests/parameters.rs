@@ -4,7 +4,7 @@ use super::world::*;
 use crate::dialect::*;
 use crate::port::PortConfig;
 use crate::retained_settings::{AttachedDefaults, Defaults};
-use crate::service::Keeping;
+use crate::service::ParameterStorage;
 use crate::service::parameters::{engine_parameters, node_parameters};
 use crate::settings::EngineSettings;
 use crate::settings::NodeSettings;
@@ -228,20 +228,20 @@ fn a_change_that_ram_cannot_retain_is_refused_where_nothing_is_stored() {
     };
     run(async |world| {
         world.ready().await;
-        let keep = |keeping| {
+        let set_storage = |storage| {
             let mut service = world.service.borrow_mut();
-            service.set_keeping(keeping);
-            // Space for the present changes, and one change of the node besides the learnt id.
+            service.set_parameter_storage(storage);
+            // For what there is, and one change of the node beside the id that was learnt.
             let now: usize = service.changes(&NONE).map(|(_, record)| 2 + record.len()).sum();
             service.set_room(Box::leak(Box::new(Defaults { room: 4 + now + 6, ..NONE })));
         };
-        keep(Keeping::Lost);
+        set_storage(ParameterStorage::Lost);
         assert_eq!(world.set(NODE, "MAV_GCS_2", 9.0).await.0, Some(9.0));
         let (echo, text) = world.set(NODE, "MAV_EFI_EVERY", 500.0).await;
         assert!(echo == Some(250.0) && text.contains("RAM retains no more changes"), "{text}");
         assert_eq!(world.set(NODE, "MAV_GCS_2", 10.0).await.0, Some(10.0));
-        // If it is stored, it is accepted, and a text reports what a reset would lose.
-        keep(Keeping::ByBuilder);
+        // Where it is stored it is accepted, and a text says what a reset would lose.
+        set_storage(ParameterStorage::ByBuilder);
         assert_eq!(world.set(NODE, "MAV_EFI_EVERY", 500.0).await.0, Some(500.0));
         let (echo, text) = world.set(NODE, "MAV_EFI_ENGINE", 2.0).await;
         assert!(echo == Some(2.0) && text.contains("RAM has no space to retain it"), "{text}");

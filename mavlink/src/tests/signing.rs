@@ -44,8 +44,8 @@ fn key() -> Option<Key> {
 
 /// The ground station is on a radio: not USB.
 fn run_with_key(scenario: impl AsyncFnOnce(&World<'_>)) {
-    let kept = SigningState::new(key(), Stamp::new(SENDERS_STAMP - 1000).unwrap());
-    run_signed(NodeSettings::DEFAULT, kept, PortConfig::network(), scenario);
+    let stored = SigningState::new(key(), Stamp::new(SENDERS_STAMP - 1000).unwrap());
+    run_signed(NodeSettings::DEFAULT, stored, PortConfig::network(), scenario);
 }
 
 fn counted(world: &World<'_>) -> SigningCounters {
@@ -190,8 +190,8 @@ fn all_that_moves_an_engine_or_a_setting_has_to_be_signed() {
 fn an_autopilot_without_the_key_is_no_autopilot() {
     let identity = Identity { system: SYSTEM, ..Identity::DEFAULT };
     let settings = NodeSettings { identity, ..NodeSettings::DEFAULT };
-    let kept = || SigningState::new(key(), Stamp::new(SENDERS_STAMP).unwrap());
-    run_signed(settings, kept(), PortConfig::network(), async |world| {
+    let stored = || SigningState::new(key(), Stamp::new(SENDERS_STAMP).unwrap());
+    run_signed(settings, stored(), PortConfig::network(), async |world| {
         world.ready().await;
         // It loses its key in flight: its source is lost, and the engine goes to the fail-safe throttle.
         world.start(0).await;
@@ -213,8 +213,8 @@ fn an_autopilot_without_the_key_is_no_autopilot() {
 
 #[test]
 fn a_ground_station_without_the_key_keeps_no_order_alive() {
-    let kept = SigningState::new(key(), Stamp::new(SENDERS_STAMP).unwrap());
-    run_signed(NodeSettings::DEFAULT, kept, PortConfig::network(), async |world| {
+    let stored = SigningState::new(key(), Stamp::new(SENDERS_STAMP).unwrap());
+    run_signed(NodeSettings::DEFAULT, stored, PortConfig::network(), async |world| {
         world.ready().await;
         assert_eq!(world.set(ENGINE[0], "MAV_THR_SRC", 0.0).await.0, Some(0.0));
         world.start(0).await;
@@ -393,8 +393,8 @@ fn no_key_is_set_while_an_engine_is_not_seen_at_rest() {
 #[test]
 fn an_autopilot_with_a_clock_behind_is_followed_after_a_reset_of_the_node() {
     const BEHIND: u64 = 120 * 100_000;
-    let kept = SigningState::new(key(), Stamp::new(SENDERS_STAMP - BEHIND - 1000).unwrap());
-    run_signed(NodeSettings::DEFAULT, kept, PortConfig::network(), async |world| {
+    let stored = SigningState::new(key(), Stamp::new(SENDERS_STAMP - BEHIND - 1000).unwrap());
+    run_signed(NodeSettings::DEFAULT, stored, PortConfig::network(), async |world| {
         world.autopilot_behind.set(BEHIND);
         world.ready().await;
         world.start(0).await;

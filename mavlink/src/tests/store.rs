@@ -3,7 +3,7 @@
 
 use super::world::*;
 use crate::record;
-use crate::service::Keeping;
+use crate::service::ParameterStorage;
 use crate::settings::{EngineSettings, NodeSettings, Table, find_row};
 use crate::store::{AtRest, Flash, Found, NotSaved, Store};
 use embassy_futures::block_on;
@@ -550,7 +550,7 @@ fn settings_go_into_a_record_and_come_back() {
 fn a_setting_is_answered_when_it_is_stored_and_is_as_before_if_it_cannot_be() {
     run(async |world| {
         world.ready().await;
-        world.service.borrow_mut().set_keeping(Keeping::Stored);
+        world.service.borrow_mut().set_parameter_storage(ParameterStorage::Stored);
         for (result, value, why) in [
             (Ok(()), 2500, ""),
             (Err(NotSaved::Full), 2500, "LOSS_HOLD not set: the storage is full"),
@@ -574,7 +574,7 @@ fn a_setting_is_answered_when_it_is_stored_and_is_as_before_if_it_cannot_be() {
             assert_eq!(service.engine_settings().nth(1).unwrap().0.number("LOSS_HOLD"), Some(value));
             assert!(service.is_saved());
         }
-        world.service.borrow_mut().set_keeping(Keeping::Lost);
+        world.service.borrow_mut().set_parameter_storage(ParameterStorage::Lost);
         let (echo, text) = world.set(NODE, "MAV_GCS_2", 9.0).await;
         assert!(echo == Some(9.0) && text.contains("is not stored"), "{text}");
         // At rest, and not at rest.

@@ -3,7 +3,7 @@
 use super::world::*;
 use crate::dialect::*;
 use crate::record;
-use crate::service::Keeping;
+use crate::service::ParameterStorage;
 use crate::service::parameters::{node_parameters, wiring_parameters};
 use crate::settings::NodeSettings;
 use jetlink::config::EngineConfig;
@@ -191,7 +191,7 @@ fn wiring_is_stored_with_the_node_and_is_as_before_if_it_cannot_be() {
         {
             let mut service = world.service.borrow_mut();
             service.set_wiring(&IMAGE, &IMAGE, None);
-            service.set_keeping(Keeping::Stored);
+            service.set_parameter_storage(ParameterStorage::Stored);
         }
         for (result, stays) in [(Ok(()), 4.0), (Err(NotSaved::Failed), 4.0)] {
             let new = if result.is_ok() { 4.0 } else { 5.0 };

@@ -544,7 +544,7 @@ pub fn run_with(settings: NodeSettings, scenario: impl AsyncFnOnce(&World<'_>)) 
     run_signed(settings, SigningState::NONE, PortConfig::usb(), scenario);
 }
 
-/// With the kept state of the node's signing, and the ground station's port. Its sender has the key.
+/// With what was stored of the node's signing, and the ground station's port. Its sender has the key.
 pub fn run_signed(
     settings: NodeSettings,
     signing: SigningState,

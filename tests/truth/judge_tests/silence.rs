@@ -130,8 +130,9 @@ fn resets_do_not_keep_a_lost_demand_alive() {
     story(46, 0).passes();
     story(60, 0).breaks(&[Rule::SilentWire]);
     // Without memory the earlier resets do not count.
-    let kept = |until, power_on_at| story(until, power_on_at).judged().rules().contains(&Rule::SilentWire);
-    assert!(kept(51, 0) && !kept(51, 44_500) && kept(58, 44_500));
+    let is_silent =
+        |until, power_on_at| story(until, power_on_at).judged().rules().contains(&Rule::SilentWire);
+    assert!(is_silent(51, 0) && !is_silent(51, 44_500) && is_silent(58, 44_500));
 }
 
 /// A node without memory begins with the demand that its ECU obeys, the last one that reached it.

@@ -58,7 +58,7 @@ pub struct Player<'a> {
     /// A scenario flies until an emergency stop.
     scenario: bool,
     hands: Vec<Hand>,
-    kept: RefCell<Vec<(Instant, Action)>>,
+    recorded: RefCell<Vec<(Instant, Action)>>,
 }
 
 impl<'a> Player<'a> {
@@ -72,17 +72,17 @@ impl<'a> Player<'a> {
         scenario: bool,
     ) -> Self {
         let hands = contexts.iter().map(|_| Hand::default()).collect();
-        Self { node, contexts, plugs, notes, transmitter, scenario, hands, kept: RefCell::default() }
+        Self { node, contexts, plugs, notes, transmitter, scenario, hands, recorded: RefCell::default() }
     }
 
     /// Everything that was done, with its engine time.
-    pub fn kept(&self) -> Vec<(Instant, Action)> {
-        self.kept.borrow().clone()
+    pub fn recorded(&self) -> Vec<(Instant, Action)> {
+        self.recorded.borrow().clone()
     }
 
     /// Whether anything was done.
     pub fn is_played(&self) -> bool {
-        !self.kept.borrow().is_empty()
+        !self.recorded.borrow().is_empty()
     }
 
     /// Verdict on an engine that was played.
@@ -120,9 +120,9 @@ impl<'a> Player<'a> {
         }
     }
 
-    /// Carries out an act, and keeps it.
+    /// Does this, and records it.
     pub fn act(&self, engine: Option<usize>, act: Act) {
-        self.kept.borrow_mut().push((Instant::now(), Action { engine, act }));
+        self.recorded.borrow_mut().push((Instant::now(), Action { engine, act }));
         if act == Act::Fault(Fault::Reset, true) {
             self.notes.add(None, "played: the watchdog resets the node");
             self.hands.iter().for_each(|hand| {

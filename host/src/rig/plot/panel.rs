@@ -443,20 +443,20 @@ fn areas(piece: &[(f64, Band)], steps: bool) -> Vec<Vec<(f64, f64)>> {
 
 /// The same line without the points between two that lie on a straight line with them.
 fn straightened(line: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
-    let mut kept: Vec<(f64, f64)> = Vec::new();
+    let mut straight: Vec<(f64, f64)> = Vec::new();
     for point in line {
-        if let [.., a, b] = kept.as_slice() {
+        if let [.., a, b] = straight.as_slice() {
             let cross = (b.0 - a.0) * (point.1 - a.1) - (b.1 - a.1) * (point.0 - a.0);
             let on_line = cross.abs() < 0.3
                 && (b.0 - a.0) * (point.0 - b.0) >= 0.0
                 && (b.1 - a.1) * (point.1 - b.1) >= 0.0;
             if on_line {
-                kept.pop();
+                straight.pop();
             }
         }
-        kept.push(point);
+        straight.push(point);
     }
-    kept
+    straight
 }
 
 #[cfg(test)]

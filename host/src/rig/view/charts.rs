@@ -158,9 +158,9 @@ fn named(marks: &[(f64, String)], has_gap: bool, room: usize, theme: Theme) -> S
     let latest = marks.iter().rev().map(|(t, text)| format!("{text} {t:.0} s"));
     // Events come first.
     let all: Vec<String> = latest.chain(gap).map(|text| theme.text(&text)).collect();
-    let text = |kept: usize| {
-        let names: Vec<&str> = all.iter().take(kept).rev().map(String::as_str).collect();
-        let more = all.len() - kept;
+    let text = |shown: usize| {
+        let names: Vec<&str> = all.iter().take(shown).rev().map(String::as_str).collect();
+        let more = all.len() - shown;
         let more = if more > 0 { format!("{more} more, ") } else { String::new() };
         format!(" {more}{} ", names.join(", "))
     };

@@ -19,8 +19,8 @@ use ratatui::layout::Rect;
 use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
 
-/// Events that are kept to be printed at the end.
-const EVENTS_KEPT: usize = 2000;
+/// Events that are stored to be printed at the end.
+const EVENT_CAPACITY: usize = 2000;
 
 /// What is known of an engine before the run.
 #[derive(Debug)]
@@ -124,7 +124,7 @@ pub struct Model {
     pub frames: Vec<Frames>,
     /// Events, the latest last.
     pub events: VecDeque<Event>,
-    /// Number of events that are no longer kept.
+    /// Events that are not stored any more.
     pub dropped: usize,
     /// How the run passes.
     pub passing: Passing,
@@ -214,7 +214,7 @@ impl Model {
     pub(super) fn note(&mut self, note: Note) {
         let name = note.engine.map_or(ALL, |engine| self.name(engine));
         self.events.push_back(Event { at: note.at, name, text: note.text });
-        if self.events.len() > EVENTS_KEPT {
+        if self.events.len() > EVENT_CAPACITY {
             self.events.pop_front();
             self.dropped += 1;
         }

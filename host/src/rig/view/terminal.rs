@@ -191,27 +191,27 @@ impl Screen {
         })
     }
 
-    /// Shows messages until no more can come. `keep` gets each message first, and `None` if none has come for a while.
+    /// Shows what comes until nothing more can come. `store` sees each message first, and `None` where none has come for a while.
     pub fn run<E>(
         &mut self,
         messages: &Receiver<Message>,
-        mut keep: impl FnMut(Option<&Message>) -> Result<(), E>,
+        mut store: impl FnMut(Option<&Message>) -> Result<(), E>,
     ) -> Result<io::Result<()>, E> {
         loop {
             match messages.recv_timeout(LOOK_EVERY) {
                 Ok(message) => {
-                    keep(Some(&message))?;
+                    store(Some(&message))?;
                     self.model.message(message);
                     // Takes all waiting messages before the next picture; if more arrive than can be shown, keys still count.
                     let until = Instant::now() + DRAW_EVERY;
                     while Instant::now() < until
                         && let Ok(message) = messages.try_recv()
                     {
-                        keep(Some(&message))?;
+                        store(Some(&message))?;
                         self.model.message(message);
                     }
                 }
-                Err(RecvTimeoutError::Timeout) => keep(None)?,
+                Err(RecvTimeoutError::Timeout) => store(None)?,
                 Err(RecvTimeoutError::Disconnected) => return Ok(Ok(())),
             }
             if self.gone {

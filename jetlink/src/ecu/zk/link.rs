@@ -108,7 +108,7 @@ impl ZkLink {
     fn want_rate(&mut self, now: Instant, rate: Rate) {
         self.wanted_rate = rate;
         self.expect_frames();
-        self.rate = RateSetting::asking(now);
+        self.rate = RateSetting::commanding(now);
     }
 
     fn check_link(&mut self, now: Instant) {

@@ -148,7 +148,7 @@ pub(super) enum RateSetting {
     /// Status ID 6 has not confirmed it yet.
     NotKnown,
     Confirmed,
-    Asking {
+    Commanding {
         attempts_left: u8,
         next_at: Instant,
     },
@@ -157,8 +157,8 @@ pub(super) enum RateSetting {
 
 impl RateSetting {
     /// Begins to set it.
-    pub const fn asking(now: Instant) -> Self {
-        Self::Asking { attempts_left: RATE_ATTEMPTS, next_at: now }
+    pub const fn commanding(now: Instant) -> Self {
+        Self::Commanding { attempts_left: RATE_ATTEMPTS, next_at: now }
     }
 
     /// Status ID 6 reports a rate.
@@ -169,13 +169,13 @@ impl RateSetting {
             }
             *self = Self::Confirmed;
         } else if matches!(self, Self::NotKnown | Self::Confirmed) {
-            *self = Self::asking(now);
+            *self = Self::commanding(now);
         }
     }
 
     /// The command that sets it, if it is due.
     pub fn frame(&mut self, now: Instant, wanted: Rate, outbox: &mut Outbox) -> Option<Control> {
-        let Self::Asking { attempts_left, next_at } = *self else { return None };
+        let Self::Commanding { attempts_left, next_at } = *self else { return None };
         if now < next_at {
             return None;
         }
@@ -184,7 +184,7 @@ impl RateSetting {
             outbox.event(Event::RateNotConfirmed(wanted));
             return None;
         };
-        *self = Self::Asking { attempts_left, next_at: now + RATE_RETRY };
+        *self = Self::Commanding { attempts_left, next_at: now + RATE_RETRY };
         Some(Control::Action(wanted.action()))
     }
 }

@@ -1,6 +1,6 @@
 //! Stored settings: a parameter that was set is answered when it is stored, and restored if it cannot be.
 
-use super::{Keeping, Pending, Place, Service};
+use super::{ParameterStorage, Pending, Place, Service};
 use crate::attached::Attached;
 use crate::frame::Address;
 use crate::ids::Severity;
@@ -20,8 +20,8 @@ const TEXT_EVERY: u8 = 10;
 
 impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
     /// Sets what happens to parameters that are set. By default the code that builds the service looks after them.
-    pub fn set_keeping(&mut self, keeping: Keeping) {
-        self.keeping = keeping;
+    pub fn set_parameter_storage(&mut self, storage: ParameterStorage) {
+        self.storage = storage;
     }
 
     /// Reports that the stored settings are damaged: only a stop is obeyed, and over USB everything but a start, until a person confirms the
@@ -129,7 +129,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
     pub(super) fn store_learnt(&mut self, id: u8) {
         let old = core::mem::replace(&mut self.settings.identity.learnt, id).into();
         let port = self.autopilot_port.unwrap_or(0);
-        if self.keeping == Keeping::Stored
+        if self.storage == ParameterStorage::Stored
             && let Some((index, _)) = self.position(Place::Node, Name::of(LEARNT.as_bytes()))
         {
             // Without space, it is learnt again at the next start.
@@ -269,7 +269,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         match result {
             Ok(()) => {
                 self.counters.parameters_set = self.counters.parameters_set.wrapping_add(1);
-                if self.keeping == Keeping::Lost {
+                if self.storage == ParameterStorage::Lost {
                     let what = format_args!("{name} is not stored: it is lost with the power");
                     self.say(now, place, Severity::Warning, Some(port), what);
                 } else if !self.fits() {
@@ -355,8 +355,8 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             return;
         };
         let old = self.value(place, parameter).unwrap_or_default();
-        // If they did not fit before, this change is not the reason.
-        let fitted = self.keeping == Keeping::Lost && self.fits();
+        // Where it does not fit anyway, this change is not the reason.
+        let fitted = self.storage == ParameterStorage::Lost && self.fits();
         let result = match self.check(port, from.system, Kind::Acts) {
             // A person at the board sets who may command: otherwise nobody could.
             Err(why)
@@ -383,7 +383,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             }
             (result, _) => result,
         };
-        self.keep(now, port, place, index, old, result);
+        self.save(now, port, place, index, old, result);
     }
 
     /// Begins a calibration of an engine's stick, or ends it. The end points are settings, stored and answered as such.
@@ -406,13 +406,13 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         let place = Place::Engine(engine);
         for (name, old) in names.into_iter().zip(old) {
             let Some((index, _)) = self.position(place, Name::of(name.as_bytes())) else { continue };
-            self.keep(now, port, place, index, old, Ok(()));
+            self.save(now, port, place, index, old, Ok(()));
         }
         Ok(())
     }
 
-    /// Requests a save of a changed setting, and answers it then; at once if it was refused or nothing is stored.
-    fn keep(
+    /// Has a setting stored that was changed, and answers it then; at once where it was refused, or none is stored.
+    fn save(
         &mut self,
         now: Instant,
         port: usize,
@@ -421,7 +421,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         old: i32,
         result: Result<(), Refusal>,
     ) {
-        if result.is_ok() && self.keeping == Keeping::Stored {
+        if result.is_ok() && self.storage == ParameterStorage::Stored {
             // There is space. It is answered when it is stored.
             let _ = self.pending.push_back(Pending { port, place, index, old });
         } else {
