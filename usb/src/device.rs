@@ -38,9 +38,9 @@ pub struct Names<'a> {
 }
 
 /// Reports to the connection what the host does.
-struct Watch<'a>(&'a Connection);
+struct ConnectionHandler<'a>(&'a Connection);
 
-impl Handler for Watch<'_> {
+impl Handler for ConnectionHandler<'_> {
     fn enabled(&mut self, _: bool) {
         self.0.reset();
     }
@@ -88,7 +88,7 @@ impl<'d, D: Driver<'d>> WritePacket for ToHost<'d, D> {
 /// What the device needs for as long as it runs.
 pub struct Place<'d> {
     connection: Connection,
-    watch: Option<Watch<'d>>,
+    handler: Option<ConnectionHandler<'d>>,
     state: State<'d>,
     configuration: [u8; 96],
     bos: [u8; 16],
@@ -99,7 +99,7 @@ impl Default for Place<'_> {
     fn default() -> Self {
         Self {
             connection: Connection::new(),
-            watch: None,
+            handler: None,
             state: State::new(),
             configuration: [0; _],
             bos: [0; _],
@@ -131,11 +131,11 @@ pub async fn serve<'d, D: Driver<'d>, const N: usize, const P: usize, A: Attache
     config.product = Some(names.product);
     config.serial_number = Some(names.serial_number);
     config.max_power = MAX_MILLIAMPERES;
-    let Place { connection, watch, state, configuration, bos, control } = place;
+    let Place { connection, handler, state, configuration, bos, control } = place;
     let connection: &'d Connection = connection;
     let mut builder = Builder::new(driver, config, configuration, bos, &mut [], control);
     // Before the port, which answers requests: this only looks at them.
-    builder.handler(watch.insert(Watch(connection)));
+    builder.handler(handler.insert(ConnectionHandler(connection)));
     let class = CdcAcmClass::new(&mut builder, state, PACKET as u16);
     let mut device = builder.build();
     let (sender, receiver) = class.split();
