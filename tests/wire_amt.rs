@@ -2,7 +2,7 @@
 //! window and is the judge: `in_window`, `late`, `none` and `unsolicited` are its counts, not ours.
 #![allow(clippy::disallowed_methods, reason = "a scenario keeps its own time")]
 
-use bench::wired::{Bench, LONG, control_frames, received, throttle};
+use bench::wired::{Bench, LONG, control_frames, received, throttle_percent};
 use embassy_futures::join::join;
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Timer};
@@ -44,7 +44,7 @@ fn amt_11_every_frame_is_answered_in_its_window_at_every_baud_rate() {
         let bench = bench(baud, 1);
         bench.play(LONG, async {
             bench.start().await;
-            bench.command_for(throttle(60), Duration::from_secs(20)).await;
+            bench.command_for(throttle_percent(60), Duration::from_secs(20)).await;
             bench.command_for(Command::Standby, Duration::from_secs(20)).await;
         });
         let stats = stats(&bench);
@@ -160,7 +160,7 @@ fn amt_14_the_start_throttle_is_sent_until_full_operation() {
         assert!(sent.iter().any(|(_, message)| message.ops == Ops::Run));
         assert!(sent.iter().all(|(_, message)| message.throttle_half_percent == 0));
 
-        bench.command_for(throttle(50), Duration::from_secs(15)).await;
+        bench.command_for(throttle_percent(50), Duration::from_secs(15)).await;
         let report = bench.handle().telemetry().report;
         let rpm = bench.plug.ecu(|ecu| ecu.turbine().rpm());
         let shown = report.rpm.expect("an Olympus has a scale").value.get();
@@ -188,20 +188,20 @@ fn amt_12_a_cut_line_stops_the_engine_and_nobody_restarts_it() {
     let mut events = bench.handle().events().expect("a free place");
     bench.play(LONG, async {
         bench.start().await;
-        bench.command_for(throttle(30), Duration::from_secs(5)).await;
+        bench.command_for(throttle_percent(30), Duration::from_secs(5)).await;
         received(&mut events);
 
         bench.plug.cut(true);
         // The last frame came up to two periods of 125 ms before the cut.
-        bench.command_for(throttle(30), Duration::from_millis(700)).await;
+        bench.command_for(throttle_percent(30), Duration::from_millis(700)).await;
         assert_eq!(bench.handle().telemetry().link, LinkState::Up);
-        bench.command_for(throttle(30), Duration::from_secs(9)).await;
+        bench.command_for(throttle_percent(30), Duration::from_secs(9)).await;
         assert_eq!(bench.handle().telemetry().link, LinkState::Lost);
         assert_eq!(received(&mut events).iter().filter(|event| **event == Event::LinkLost).count(), 1);
         assert_eq!(stats(&bench).serial_delay_stops, 1);
 
         bench.plug.cut(false);
-        bench.command_for(throttle(30), Duration::from_secs(60)).await;
+        bench.command_for(throttle_percent(30), Duration::from_secs(60)).await;
         let events = received(&mut events);
         let standby = Event::Ordered(Ordered { order: Order::Standby, origin: Origin::Node });
         assert!(events.contains(&Event::LinkUp) && events.contains(&standby), "{events:?}");
@@ -220,7 +220,7 @@ fn a_silent_source_brings_the_throttle_to_idle_on_the_wire() {
     bench.plug.record(true);
     bench.play(LONG, async {
         bench.start().await;
-        bench.command_for(throttle(80), Duration::from_secs(10)).await;
+        bench.command_for(throttle_percent(80), Duration::from_secs(10)).await;
         let last = bench.handle().telemetry().source_last_rx.expect("it commands");
         let silent_from = last.as_micros() * 1000;
         Timer::after(Duration::from_millis(100)).await;
@@ -251,7 +251,7 @@ fn an_emergency_stop_is_in_the_next_reply_and_stays() {
         let stop_at = sim::clock::now_ns();
         bench.command(Command::EmergencyStop, Origin::Emergency).expect("never refused");
         for _ in 0..20 {
-            assert_eq!(bench.command(throttle(50), Origin::Bench), Err(Rejected::StopLatched));
+            assert_eq!(bench.command(throttle_percent(50), Origin::Bench), Err(Rejected::StopLatched));
             assert_eq!(bench.command(Command::Standby, Origin::Bench), Err(Rejected::StopLatched));
             Timer::after(Duration::from_millis(100)).await;
         }
@@ -405,10 +405,10 @@ fn amt_10_noise_never_causes_an_unsolicited_command() {
         };
         bench.play(LONG, async {
             bench.start().await;
-            bench.command_for(throttle(40), Duration::from_secs(5)).await;
+            bench.command_for(throttle_percent(40), Duration::from_secs(5)).await;
             bench.plug.take_log();
             bench.plug.set_faults(noise, noise);
-            bench.command_for(throttle(40), Duration::from_secs(60)).await;
+            bench.command_for(throttle_percent(40), Duration::from_secs(60)).await;
             let log = bench.plug.take_log();
             for (_, message) in messages(&log) {
                 // A healthy engine continues at the commanded demand.

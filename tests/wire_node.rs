@@ -1,7 +1,7 @@
 //! Resets and groups over the wire: the firmware's node on one end, simulated ECUs on the other, in virtual time.
 #![allow(clippy::disallowed_methods, reason = "a scenario keeps its own time")]
 
-use bench::wired::{LONG, command_as, received, throttle};
+use bench::wired::{LONG, command_as, received, throttle_percent};
 use embassy_futures::join::join;
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Timer};
@@ -67,12 +67,12 @@ async fn start(owner: &Owner<'_>) {
     loop {
         fly(owner, Command::Standby, |owner| in_phase(owner, Phase::Standby)).await;
         // A refusal uses up the permission, so standby comes again.
-        if command_as(owner, throttle(0), Origin::Rc) == Ok(Accepted::InForce) {
+        if command_as(owner, throttle_percent(0), Origin::Rc) == Ok(Accepted::InForce) {
             break;
         }
         Timer::after(Duration::from_millis(100)).await;
     }
-    fly(owner, throttle(0), |owner| in_phase(owner, Phase::Running)).await;
+    fly(owner, throttle_percent(0), |owner| in_phase(owner, Phase::Running)).await;
 }
 
 /// One life of a node on a line: from its start-up to whatever ends `scenario`.
@@ -121,7 +121,7 @@ fn an_engine_resumes_after_a_reset_in_flight() {
                     let before = channel(memory);
                     life(&before, (rx, tx), async |owner| {
                         start(&owner).await;
-                        fly_for(&owner, throttle(60), Duration::from_secs(8)).await;
+                        fly_for(&owner, throttle_percent(60), Duration::from_secs(8)).await;
                         Timer::after(Duration::from_millis(phase * 13)).await;
                     })
                     .await;
@@ -134,7 +134,7 @@ fn an_engine_resumes_after_a_reset_in_flight() {
                         let demand = Demand::Throttle(Throttle::from_percent(60).expect("0..=100"));
                         let expected = if with_memory { Order::Doubt(demand) } else { Order::Listen };
                         assert_eq!(owner.handle().telemetry().ordered.order, expected);
-                        fly_for(&owner, throttle(60), Duration::from_secs(3)).await;
+                        fly_for(&owner, throttle_percent(60), Duration::from_secs(3)).await;
                         let telemetry = owner.handle().telemetry();
                         assert_eq!(telemetry.state, EngineState::Running, "{baud} {phase}");
                         assert!(matches!(telemetry.ordered.order, Order::Run(_)));
@@ -185,7 +185,7 @@ fn a_latched_stop_survives_a_reset_in_flight() {
         plug.record(true);
         let after = Channel::new(&config, Some((memory, Reset::Warm)));
         life(&after, halves, async |owner| {
-            fly_for(&owner, throttle(60), Duration::from_secs(3)).await;
+            fly_for(&owner, throttle_percent(60), Duration::from_secs(3)).await;
             assert!(owner.handle().telemetry().stop_latched);
         })
         .await;
@@ -235,10 +235,10 @@ fn a_lost_engine_reduces_the_other_of_its_group() {
             }
             let began = Instant::now();
             let waits = Ok(Accepted::StartWaits);
-            assert_eq!(all(throttle(0)), [Ok(Accepted::InForce), waits]);
+            assert_eq!(all(throttle_percent(0)), [Ok(Accepted::InForce), waits]);
             let mut second = None;
             while !both(Phase::Running) {
-                let answers = all(throttle(0));
+                let answers = all(throttle_percent(0));
                 if second.is_none() && answers[1] != waits {
                     assert_eq!(answers[1], Ok(Accepted::InForce));
                     assert!(in_phase(&l, Phase::Running), "one at a time");
@@ -248,7 +248,7 @@ fn a_lost_engine_reduces_the_other_of_its_group() {
             }
             assert!(second.is_some_and(|after| after >= Duration::from_secs(10)), "the gap");
             for _ in 0..100 {
-                say(throttle(60));
+                say(throttle_percent(60));
                 Timer::after(Duration::from_millis(100)).await;
             }
             assert_eq!(r.handle().telemetry().report.throttle.expect("reported").value.tenths(), 600);
@@ -258,7 +258,7 @@ fn a_lost_engine_reduces_the_other_of_its_group() {
             let before = r.handle().telemetry().counters;
             plug_left.ecu(|ecu| ecu.turbine_mut().flame_out());
             for _ in 0..100 {
-                say(throttle(60));
+                say(throttle_percent(60));
                 Timer::after(Duration::from_millis(100)).await;
             }
             let events = received(&mut events);
@@ -305,7 +305,9 @@ fn an_emergency_stop_gets_through() {
         let flood = async {
             loop {
                 // Bad commands as well as good ones.
-                for command in [throttle(60), Command::HandOverToPwm, Command::Disarm, throttle(61)] {
+                for command in
+                    [throttle_percent(60), Command::HandOverToPwm, Command::Disarm, throttle_percent(61)]
+                {
                     let _ = command_as(&l, command, Origin::Rc);
                 }
                 Timer::after(if flooded { Duration::from_micros(200) } else { Duration::from_millis(100) })
@@ -316,7 +318,7 @@ fn an_emergency_stop_gets_through() {
             start(&l).await;
             // The emergency input takes over, and hangs.
             for _ in 0..30 {
-                let _ = command_as(&l, throttle(20), Origin::Emergency);
+                let _ = command_as(&l, throttle_percent(20), Origin::Emergency);
                 Timer::after(Duration::from_millis(100)).await;
             }
             plug_right.stall_tx(true);
@@ -406,15 +408,15 @@ fn a_stuck_transmitter_is_given_back_to_be_reopened() {
         };
         let pilot = async {
             start(&owner).await;
-            fly_for(&owner, throttle(60), Duration::from_secs(5)).await;
+            fly_for(&owner, throttle_percent(60), Duration::from_secs(5)).await;
             plug.stall_tx(true);
             // Commands given meanwhile are old when the transmitter continues.
-            fly_for(&owner, throttle(80), pause).await;
+            fly_for(&owner, throttle_percent(80), pause).await;
             plug.take_log();
             if !reopened {
                 plug.stall_tx(false);
             }
-            fly_for(&owner, throttle(40), Duration::from_secs(3)).await;
+            fly_for(&owner, throttle_percent(40), Duration::from_secs(3)).await;
             assert_eq!(
                 owner.handle().telemetry().ordered.order,
                 Order::Run(Demand::Throttle(Throttle::from_percent(40).unwrap()))

@@ -2,7 +2,7 @@
 //! judge, and the simulation decodes the wire, not our codec.
 #![allow(clippy::disallowed_methods, reason = "a scenario keeps its own time")]
 
-use bench::wired::{Bench, LONG, control_frames, received, rpm, throttle};
+use bench::wired::{Bench, LONG, control_frames, received, rpm, throttle_percent};
 use embassy_time::{Duration, Timer};
 use jetlink::command::{Command, Interlock, Origin, Rejected};
 use jetlink::config::EngineConfig;
@@ -146,7 +146,7 @@ fn zk_9_in_mode_1_an_engine_starts_runs_and_shuts_down() {
         bench.plug.record(true);
         bench.play(LONG, async {
             bench.start().await;
-            bench.command_for(throttle(60), Duration::from_secs(20)).await;
+            bench.command_for(throttle_percent(60), Duration::from_secs(20)).await;
             let report = bench.handle().telemetry().report;
             let true_rpm = bench.plug.ecu(|ecu| ecu.turbine().rpm());
             let shown = f64::from(report.rpm.expect("in every status").value.get());
@@ -182,9 +182,9 @@ fn zk_9_mode_2_the_switch_goes_by_id_6() {
     let bench = Bench::new(&config, ZkEcu::new(ecu), 2);
     bench.play(LONG, async {
         bench.start().await;
-        bench.command_for(throttle(50), Duration::from_secs(10)).await;
+        bench.command_for(throttle_percent(50), Duration::from_secs(10)).await;
         bench.plug.record(true);
-        bench.command_for(throttle(50), Duration::from_secs(5)).await;
+        bench.command_for(throttle_percent(50), Duration::from_secs(5)).await;
         let sent: Vec<_> = commands(&bench.plug.take_log()).into_iter().map(|(_, command)| command).collect();
         assert!(sent.len() > 200);
         let id6 = ZkCommand::Switch { sw: Sw::Run, factor: 0 };
@@ -234,7 +234,7 @@ fn zk_9_mode_3_the_engine_reaches_the_rpm() {
                 .collect();
             assert!(codes.iter().all(|code| *code <= 4000) && codes.last() == Some(&4000), "{codes:?}");
             assert_eq!(bench.handle().telemetry().loss, LossStage::None);
-            bench.command_for(throttle(30), Duration::from_secs(15)).await;
+            bench.command_for(throttle_percent(30), Duration::from_secs(15)).await;
             assert!(bench.in_phase(Phase::Running));
             assert!((bench.plug.ecu(|ecu| ecu.turbine().load()) - 0.3).abs() < 0.02);
             bench.command_for(rpm(80_000), Duration::from_secs(5)).await;
@@ -259,7 +259,7 @@ fn an_emergency_stop_does_not_wait_for_its_slot() {
             let place = turn + 500_000_000 + after_turn_ms * 1_000_000;
             let place = embassy_time::Instant::from_micros(place / 1000);
             while embassy_time::Instant::now() + Duration::from_millis(100) < place {
-                let _ = bench.command(throttle(0), Origin::Bench);
+                let _ = bench.command(throttle_percent(0), Origin::Bench);
                 Timer::after(Duration::from_millis(10)).await;
             }
             Timer::at(place).await;
@@ -387,13 +387,13 @@ fn zk_10_a_silent_source_brings_a_version_5_engine_to_idle() {
     let bench = bench(5);
     bench.play(LONG, async {
         bench.start().await;
-        bench.command_for(throttle(90), Duration::from_secs(20)).await;
+        bench.command_for(throttle_percent(90), Duration::from_secs(20)).await;
         assert!(bench.plug.ecu(|ecu| ecu.turbine().load()) > 0.85);
         Timer::after(Duration::from_secs(20)).await;
         assert!(bench.plug.ecu(|ecu| ecu.turbine().load()) < 0.05);
         assert!(bench.in_phase(Phase::Running));
         // The control: with the line cut nothing can, and the ECU keeps its demand.
-        bench.command_for(throttle(90), Duration::from_secs(20)).await;
+        bench.command_for(throttle_percent(90), Duration::from_secs(20)).await;
         bench.plug.cut(true);
         let cut_at = sim::clock::now_ns();
         bench.plug.record(true);
@@ -457,10 +457,10 @@ fn zk_16_noise_never_causes_an_unsolicited_command() {
         };
         bench.play(LONG, async {
             bench.start().await;
-            bench.command_for(throttle(40), Duration::from_secs(5)).await;
+            bench.command_for(throttle_percent(40), Duration::from_secs(5)).await;
             bench.plug.record(true);
             bench.plug.set_faults(noise, noise);
-            bench.command_for(throttle(40), Duration::from_secs(60)).await;
+            bench.command_for(throttle_percent(40), Duration::from_secs(60)).await;
             let (mut runs, mut doubts) = (0, 0);
             for (_, command) in commands(&bench.plug.take_log()) {
                 match command {

@@ -293,7 +293,7 @@ impl Bench<BenchEngine> {
 
 impl<L: Link> Bench<L> {
     /// An order at a time.
-    pub fn order(&mut self, t: u64, order: Order) -> Result<(), Rejected> {
+    pub fn order_at_us(&mut self, t: u64, order: Order) -> Result<(), Rejected> {
         self.run_to_us(t);
         self.act(|link, now| link.order(now, order))
     }

@@ -95,12 +95,12 @@ impl<E: Ecu> Bench<E> {
         loop {
             self.command_until(Command::Standby, |bench| bench.in_phase(Phase::Standby)).await;
             // A refusal uses up the permission, so standby comes again.
-            if self.command(throttle(0), Origin::Bench) == Ok(Accepted::InForce) {
+            if self.command(throttle_percent(0), Origin::Bench) == Ok(Accepted::InForce) {
                 break;
             }
             Timer::after(PERIOD).await;
         }
-        self.command_until(throttle(0), |bench| bench.in_phase(Phase::Running)).await;
+        self.command_until(throttle_percent(0), |bench| bench.in_phase(Phase::Running)).await;
     }
 
     pub fn in_phase(&self, phase: Phase) -> bool {
@@ -119,7 +119,7 @@ pub fn received(events: &mut Events<'_>) -> Vec<Event> {
     std::iter::from_fn(|| events.try_next_message_pure()).collect()
 }
 
-pub fn throttle(percent: u8) -> Command {
+pub fn throttle_percent(percent: u8) -> Command {
     Command::Run(Demand::Throttle(Throttle::from_percent(percent).expect("0..=100")))
 }
 

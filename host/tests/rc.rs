@@ -354,7 +354,7 @@ impl Flight {
         }
     }
 
-    fn pass(&self, ms: u64) {
+    fn pass_ms(&self, ms: u64) {
         thread::sleep(Duration::from_millis(ms) / SPEED);
     }
 }
@@ -366,19 +366,19 @@ fn real_frames_over_tcp_start_throttle_lose_and_stop() {
     for kind in ["sbus", "crsf"] {
         let flight = Flight::begin(kind);
         flight.until("stop", 20, |[.., order, _, _]| order == "stop");
-        flight.pass(2000);
+        flight.pass_ms(2000);
         flight.set(|sticks| sticks.switch = 1500);
         flight.until("armed", 20, |[state, .., armed]| state == "standby" && armed == "yes");
-        flight.pass(2000);
+        flight.pass_ms(2000);
         flight.set(|sticks| sticks.switch = 2000);
         flight.until("running", 120, |[state, ..]| state == "running");
-        flight.pass(8000);
+        flight.pass_ms(8000);
         flight.set(|sticks| sticks.stick = 1500);
         flight.until("half throttle", 10, |[.., wire, _]| wire == "50.0");
         flight.set(|sticks| sticks.on = false);
         flight.until("the first stage", 3, |[_, loss, _, wire, _]| loss == "hold" && wire == "50.0");
         flight.until("the second stage", 5, |[_, loss, _, wire, _]| loss == "fail-safe" && wire == "0.0");
-        flight.pass(5000);
+        flight.pass_ms(5000);
         flight.set(|sticks| sticks.on = true);
         flight.until("half throttle", 15, |[state, loss, _, wire, _]| {
             state == "running" && loss == "none" && wire == "50.0"

@@ -76,11 +76,11 @@ fn demand_just_above_the_maximum_is_clamped_to_it() {
         let mut world = World::one(zk(5, |_, _| {}));
         world.start(Rc);
         world.streams(Rc, run_rpm(150_000));
-        world.pass(10.0);
+        world.pass_s(10.0);
         world.streams(Rc, run_rpm(too_much));
-        world.pass(10.0);
+        world.pass_s(10.0);
         let from = world.now();
-        world.pass(10.0);
+        world.pass_s(10.0);
         for (_, demand) in demands(&world, 0, from) {
             assert!((demand - 1.0).abs() < 0.001, "{:.1} % of the maximum", demand * 100.0);
         }
@@ -93,7 +93,7 @@ fn demand_at_the_maximum_is_obeyed() {
     let mut world = World::one(zk(5, |_, _| {}));
     world.start(Rc);
     world.streams(Rc, run_rpm(MAX_RPM));
-    world.pass(15.0);
+    world.pass_s(15.0);
     assert!((world.rpm() - f64::from(MAX_RPM)).abs() < 500.0, "{} rpm", world.rpm());
 }
 
@@ -111,7 +111,7 @@ fn throttle_rises_at_a_rate_after_a_start_with_the_stick_up() {
         world.until("it starts", 20.0, |world| world.phase().is_starting());
         world.streams(Rc, run(100));
         world.until("it runs", 100.0, |world| world.phase() == Phase::Running);
-        world.pass(10.0);
+        world.pass_s(10.0);
         let demands = demands(&world, 0, from);
         assert_rises_at_the_rate(&demands);
         assert_reaches(&demands, 1.0);
@@ -127,7 +127,7 @@ fn speed_rises_at_a_rate_after_a_start_with_the_stick_up() {
     world.until("it starts", 20.0, |world| world.phase().is_starting());
     world.streams(Rc, run_rpm(MAX_RPM));
     world.until("it runs", 100.0, |world| world.phase() == Phase::Running);
-    world.pass(10.0);
+    world.pass_s(10.0);
     let demands: Vec<_> =
         demands(&world, 0, from).into_iter().skip_while(|&(_, demand)| demand < 0.3).collect();
     assert_rises_at_the_rate(&demands);
@@ -141,7 +141,7 @@ fn demand_rises_at_a_rate_when_another_source_takes_over() {
         world.fly(Mavlink, 20);
         let from = world.now();
         world.streams(Rc, run(100));
-        world.pass(15.0);
+        world.pass_s(15.0);
         let demands = demands(&world, 0, from);
         assert_rises_at_the_rate(&demands);
         assert_reaches(&demands, 1.0);
@@ -154,11 +154,11 @@ fn demand_rises_at_a_rate_after_a_gap() {
     for mut world in both() {
         world.fly(Rc, 100);
         world.silent(Rc);
-        world.pass(6.0);
+        world.pass_s(6.0);
         assert_eq!(world.throttle_sent(0), Some(0));
         let from = world.now();
         world.streams(Rc, run(100));
-        world.pass(15.0);
+        world.pass_s(15.0);
         let demands = demands(&world, 0, from);
         assert_rises_at_the_rate(&demands);
         assert_reaches(&demands, 1.0);
@@ -172,13 +172,13 @@ fn demand_held_while_the_exhaust_is_not_known_rises_at_a_rate() {
     world.fly(Rc, 20);
     world.amt(|ecu| ecu.set_errors(error::SUPPLY_LOW));
     world.turbine(|turbine| turbine.set_egt_sensor(EgtSensor::Open));
-    world.pass(5.0);
+    world.pass_s(5.0);
     let from = world.now();
     world.streams(Rc, run(60));
-    world.pass(5.0);
+    world.pass_s(5.0);
     assert_eq!(world.throttle_sent(0), Some(200));
     world.turbine(|turbine| turbine.set_egt_sensor(EgtSensor::Good));
-    world.pass(15.0);
+    world.pass_s(15.0);
     let demands = demands(&world, 0, from);
     assert_rises_at_the_rate(&demands);
     assert_reaches(&demands, 0.6);
@@ -193,7 +193,7 @@ fn demand_rises_at_a_rate_after_a_start_that_follows_a_limit() {
     }));
     world.start(Rc);
     world.streams(Rc, run(100));
-    world.pass(20.0);
+    world.pass_s(20.0);
     assert_eq!(world.throttle_sent(0), Some(0), "the limit holds");
     world.ready(Rc);
     let from = world.now();
@@ -201,7 +201,7 @@ fn demand_rises_at_a_rate_after_a_start_that_follows_a_limit() {
     world.until("it starts", 20.0, |world| world.phase().is_starting());
     world.streams(Rc, run(60));
     world.until("it runs", 100.0, |world| world.phase() == Phase::Running);
-    world.pass(10.0);
+    world.pass_s(10.0);
     let demands = demands(&world, 0, from);
     assert_rises_at_the_rate(&demands);
     assert_reaches(&demands, 0.6);
@@ -218,9 +218,9 @@ fn reduced_to_half() -> World<2> {
         (0..2).all(|engine| world.turbine_of(engine, |turbine| turbine.phase() == Phase::Running))
     });
     world.streams(Rc, run(100));
-    world.pass(10.0);
+    world.pass_s(10.0);
     world.turbine_of(0, |turbine| turbine.flame_out());
-    world.pass(20.0);
+    world.pass_s(20.0);
     assert_eq!(world.throttle_sent(1), Some(500));
     world
 }
@@ -231,7 +231,7 @@ fn demand_rises_at_a_rate_when_the_failure_of_another_engine_clears() {
     let from = world.now() - 1000 * MILLIS;
     // Its pilot shuts it down: it no longer counts as failed.
     world.streams_to(0, Rc, Standby);
-    world.pass(15.0);
+    world.pass_s(15.0);
     let demands = demands(&world, 1, from);
     assert_rises_at_the_rate(&demands);
     assert_reaches(&demands, 1.0);
@@ -244,7 +244,7 @@ fn demand_follows_the_stick_at_once_in_normal_flight() {
         world.fly(Rc, 20);
         let from = world.now();
         world.streams(Rc, run(100));
-        world.pass(0.5);
+        world.pass_s(0.5);
         let demands = demands(&world, 0, from);
         assert_reaches(&demands, 1.0);
         let jump = demands.iter().find(|(_, demand)| *demand > 0.9).expect("it goes up").0;

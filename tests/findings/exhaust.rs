@@ -11,7 +11,7 @@ fn flying_with_a_fault(percent: u8, temper: AmtTemper) -> World {
     let mut world = World::one(amt(|_, ecu| ecu.temper = temper));
     world.fly(Rc, percent);
     world.amt(|ecu| ecu.set_errors(error::SUPPLY_LOW));
-    world.pass(5.0);
+    world.pass_s(5.0);
     assert_eq!(world.phase(), Phase::Running);
     world
 }
@@ -20,7 +20,7 @@ fn flying_with_a_fault(percent: u8, temper: AmtTemper) -> World {
 fn burning_engine_with_error_sets_continues_at_its_demand() {
     let mut world = flying_with_a_fault(75, AmtTemper::DEFAULT);
     let from = world.now();
-    world.pass(120.0);
+    world.pass_s(120.0);
     world.assert_not_shut_down(from);
     assert_eq!(world.throttle_sent(0), Some(750));
 }
@@ -32,12 +32,12 @@ fn burning_engine_without_a_source_continues_when_its_fault_clears() {
     let mut world = World::one(amt(|_, _| {}));
     world.fly(Rc, 50);
     world.silent(Rc);
-    world.pass(20.0);
+    world.pass_s(20.0);
     let from = world.now();
     world.amt(|ecu| ecu.set_errors(error::SUPPLY_LOW));
-    world.pass(20.0);
+    world.pass_s(20.0);
     world.amt(|ecu| ecu.set_errors(0));
-    world.pass(20.0);
+    world.pass_s(20.0);
     world.assert_not_shut_down(from);
     assert_eq!(world.phase(), Phase::Running);
 }
@@ -47,7 +47,7 @@ fn burning_engine_with_error_sets_resumes_after_a_reset() {
     let mut world = flying_with_a_fault(75, AmtTemper::DEFAULT);
     let from = world.now();
     world.reset();
-    world.pass(60.0);
+    world.pass_s(60.0);
     world.assert_not_shut_down(from);
     assert_eq!(world.throttle_sent(0), Some(750));
 }
@@ -57,7 +57,7 @@ fn cold_after_a_reset(pilot: bool) {
     let mut world = flying_with_a_fault(75, AmtTemper::DEFAULT);
     world.halt();
     // Without replies the ECU shuts the engine down.
-    world.pass(300.0);
+    world.pass_s(300.0);
     world.amt(|ecu| ecu.set_errors(error::SUPPLY_LOW));
     assert!(world.egt() < 100.0 && !world.phase().is_live(), "{}", world.egt());
     if !pilot {
@@ -65,10 +65,10 @@ fn cold_after_a_reset(pilot: bool) {
     }
     let from = world.now();
     world.boot();
-    world.pass(600.0);
+    world.pass_s(600.0);
     world.assert_not_sent_run(from);
     world.amt(|ecu| ecu.set_errors(0));
-    world.pass(60.0);
+    world.pass_s(60.0);
     world.assert_not_sent_run(from);
     world.assert_ignitions(1);
     world.starts_again(Rc);
@@ -94,9 +94,9 @@ fn run_ends_when_the_flame_goes_out_with_error_sets() {
             world.silent(Rc);
         }
         world.turbine(|turbine| turbine.flame_out());
-        world.pass(30.0);
+        world.pass_s(30.0);
         let from = world.now();
-        world.pass(600.0);
+        world.pass_s(600.0);
         world.assert_not_sent_run(from);
         assert!(world.sent(from).all(|frame| frame.is_stop()));
         world.assert_ignitions(1);
@@ -116,9 +116,9 @@ fn old_run_is_not_sent_after_fault_clears() {
     };
     let mut world = flying_with_a_fault(90, temper);
     world.turbine(|turbine| turbine.flame_out());
-    world.pass(50.0);
+    world.pass_s(50.0);
     world.amt(|ecu| ecu.set_errors(0));
-    world.pass(300.0);
+    world.pass_s(300.0);
     world.assert_ignitions(1);
     world.starts_again(Rc);
 }
@@ -129,9 +129,9 @@ fn run_ends_when_the_flame_goes_out_and_the_ecu_reports_nothing_else() {
     let mut world = World::one(amt(|_, _| {}));
     world.fly(Rc, 90);
     world.turbine(|turbine| turbine.flame_out());
-    world.pass(30.0);
+    world.pass_s(30.0);
     let from = world.now();
-    world.pass(60.0);
+    world.pass_s(60.0);
     world.assert_not_sent_run(from);
     world.assert_ignitions(1);
     world.starts_again(Rc);

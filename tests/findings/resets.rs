@@ -21,7 +21,7 @@ fn reset_loop(world: &mut World, period_seconds: f64, seconds: f64) {
     let end = world.now() + (seconds * 1e9) as u64;
     while world.now() < end {
         world.reset();
-        world.pass(period_seconds - START_UP);
+        world.pass_s(period_seconds - START_UP);
     }
 }
 
@@ -74,7 +74,7 @@ fn reset_loop_too_quick_to_listen_brings_a_zk_engine_without_a_source_to_standby
     world.silent(Rc);
     for _ in 0..200 {
         world.reset();
-        world.pass(0.08);
+        world.pass_s(0.08);
     }
     assert!(!world.phase().is_live(), "{:?} at {} rpm", world.phase(), world.rpm());
 }
@@ -87,9 +87,9 @@ fn five_resets_1_05_s_apart_leave_an_engine_with_a_fresh_source_at_its_demand() 
         let from = world.now();
         for _ in 0..5 {
             world.reset();
-            world.pass(1.05 - START_UP);
+            world.pass_s(1.05 - START_UP);
         }
-        world.pass(10.0);
+        world.pass_s(10.0);
         world.assert_not_shut_down(from);
         assert_eq!(world.throttle_sent(0), Some(600));
     }
@@ -105,14 +105,14 @@ fn take_over_long_after_a_reset_loop_waits() {
         world.silent(Rc);
         reset_loop(&mut world, 1.05, 5.0);
         world.streams(Mavlink, run(60));
-        world.pass(20.0);
+        world.pass_s(20.0);
         assert_eq!(world.throttle_sent(0), Some(600));
         let from = world.now();
         world.streams(Rc, run(40));
-        world.pass(1.5);
+        world.pass_s(1.5);
         let lowest = world.sent(from).filter_map(Frame::throttle).min();
         assert_eq!(lowest, Some(600), "before the take-over has waited its 2 s");
-        world.pass(2.0);
+        world.pass_s(2.0);
         assert_eq!(world.throttle_sent(0), Some(400));
     }
 }
@@ -124,9 +124,9 @@ fn one_reset_of_an_engine_without_a_source_ends_at_idle() {
         world.fly(Rc, 90);
         world.silent(Rc);
         world.reset();
-        world.pass(9.0);
+        world.pass_s(9.0);
         let from = world.now();
-        world.pass(1.0);
+        world.pass_s(1.0);
         assert_not_above_idle(&world, from);
     }
 }
@@ -140,18 +140,18 @@ fn deaf_after_a_reset(by_rpm: bool) -> World {
     let mut world = World::one(zk(5, |_, _| {}));
     world.start(Rc);
     world.streams(Rc, if by_rpm { run_rpm(110_000) } else { run(50) });
-    world.pass(8.0);
+    world.pass_s(8.0);
     world.silent(Rc);
     world.plugs[0].cut_one(Direction::ToNode, true);
     world.reset();
-    world.pass(0.5);
+    world.pass_s(0.5);
     assert_eq!(world.phase(), Phase::Running);
     world
 }
 
 fn emergency_stop_stops(mut world: World) {
     world.command(Rc, EmergencyStop).expect("never refused");
-    world.pass(1.0);
+    world.pass_s(1.0);
     assert!(!world.phase().is_live(), "{:?} 1 s after the stop", world.phase());
 }
 
@@ -171,7 +171,7 @@ fn standby_reaches_an_ecu_after_a_reset_with_nothing_received() {
     for by_rpm in [false, true] {
         let mut world = deaf_after_a_reset(by_rpm);
         world.streams(Rc, Standby);
-        world.pass(5.0);
+        world.pass_s(5.0);
         assert!(!world.phase().is_live(), "{:?} after 5 s of standby", world.phase());
     }
 }
@@ -181,16 +181,16 @@ fn latched_stop_reaches_an_ecu_in_rpm_mode_after_a_reset() {
     let mut world = World::one(zk(5, |_, _| {}));
     world.start(Rc);
     world.streams(Rc, run_rpm(110_000));
-    world.pass(8.0);
+    world.pass_s(8.0);
     // Nothing gets through until the node has been reset.
     world.plugs[0].cut(true);
     world.command(Rc, EmergencyStop).expect("never refused");
-    world.pass(0.2);
+    world.pass_s(0.2);
     world.halt();
     world.plugs[0].cut(false);
     world.plugs[0].cut_one(Direction::ToNode, true);
     world.reset();
-    world.pass(1.0);
+    world.pass_s(1.0);
     assert!(!world.phase().is_live(), "{:?}", world.phase());
 }
 
@@ -208,9 +208,9 @@ fn record_of_another_protocol_does_not_arm_an_engine() {
     let mut world = world.reconfigured(config, ecu);
     world.boot();
     world.streams(Rc, Standby);
-    world.pass(5.0);
+    world.pass_s(5.0);
     world.streams(Rc, run(0));
-    world.pass(60.0);
+    world.pass_s(60.0);
     world.assert_ignitions(0);
     world.starts_again(Rc);
 }
@@ -225,9 +225,9 @@ fn record_of_another_amt_engine_does_not_arm_an_engine() {
     let mut world = world.reconfigured(config, ecu);
     world.boot();
     world.streams(Rc, Standby);
-    world.pass(5.0);
+    world.pass_s(5.0);
     world.streams(Rc, run(0));
-    world.pass(60.0);
+    world.pass_s(60.0);
     world.assert_ignitions(0);
     world.starts_again(Rc);
 }
@@ -240,16 +240,16 @@ fn memory_that_survived_a_loss_of_power_does_not_arm_an_engine() {
             let mut world = World::one(engine());
             world.ready(Rc);
             world.halt();
-            world.pass(0.3);
+            world.pass_s(0.3);
             if power_lost {
                 world.boot_after_power_loss();
             } else {
                 world.boot();
             }
             world.streams(Rc, Standby);
-            world.pass(5.0);
+            world.pass_s(5.0);
             world.streams(Rc, run(0));
-            world.pass(60.0);
+            world.pass_s(60.0);
             world.assert_ignitions(usize::from(!power_lost));
         }
     }
@@ -264,13 +264,13 @@ fn engine_in_flight_resumes_after_a_loss_of_power_that_memory_survived() {
         world.silent(Rc);
         let from = world.now();
         world.halt();
-        world.pass(0.3);
+        world.pass_s(0.3);
         world.boot_after_power_loss();
-        world.pass(8.0);
+        world.pass_s(8.0);
         world.assert_not_shut_down(from);
         assert_eq!(world.throttle_sent(0), Some(0), "nobody commands it: idle");
         world.streams(Rc, run(60));
-        world.pass(8.0);
+        world.pass_s(8.0);
         assert_eq!(world.throttle_sent(0), Some(600));
     }
 }
@@ -283,9 +283,9 @@ fn latched_stop_survives_a_loss_of_power_that_memory_survived() {
         world.fly(Rc, 60);
         world.command(Rc, EmergencyStop).expect("never refused");
         world.halt();
-        world.pass(0.05);
+        world.pass_s(0.05);
         world.boot_after_power_loss();
-        world.pass(5.0);
+        world.pass_s(5.0);
         assert!(!world.phase().is_live());
         assert!(world.handle(0).telemetry().stop_latched);
     }
@@ -300,7 +300,7 @@ fn engine_resumes_after_a_reset_with_another_limit() {
         let from = world.now();
         world.configs[0].supervision.limits.over_temperature.at = Some(Celsius::from_tenths(9000));
         world.reset();
-        world.pass(10.0);
+        world.pass_s(10.0);
         world.assert_not_shut_down(from);
         assert_eq!(world.throttle_sent(0), Some(600));
     }
@@ -320,7 +320,7 @@ fn dead_transmitter_shows_in_telemetry() {
         let mut world = World::one(zk(5, |_, _| {}));
         world.ready(Rc);
         world.plugs[0].stall_tx(hung);
-        world.pass(3.0);
+        world.pass_s(3.0);
         shown(&world)
     };
     let healthy = after(false);
@@ -335,12 +335,12 @@ fn transmitter_that_hung_sends_nothing_old() {
         let mut world = World::one(zk(5, |_, _| {}));
         world.fly(Rc, 90);
         world.plugs[0].stall_tx(true);
-        world.pass(hung - 1.5);
+        world.pass_s(hung - 1.5);
         world.streams(Rc, Standby);
-        world.pass(1.5);
+        world.pass_s(1.5);
         let from = world.now();
         world.plugs[0].stall_tx(false);
-        world.pass(2.0);
+        world.pass_s(2.0);
         let old = world.sent(from).filter(|frame| frame.is_run()).count();
         assert!(old <= 1, "{old} frames, and one was on its way when the transmitter hung for {hung} s");
         let old = world.sent(from + SECOND / 20).filter(|frame| frame.is_run()).count();

@@ -29,8 +29,8 @@ fn power_returns(mut world: World, off: f64, pilot: Pilot) {
     if pilot == Pilot::Silent {
         world.silent(Rc);
     }
-    world.dip(off);
-    world.pass(300.0);
+    world.dip_s(off);
+    world.pass_s(300.0);
     world.assert_ignitions(1);
     // An ECU that starts on run alone is started by the frames on the wire when it boots.
     world.assert_not_sent_run(lost_at + GAP);
@@ -132,11 +132,11 @@ fn engine_in_rpm_mode_stays_stopped_when_ecu_power_returns_after_180_s() {
     let mut world = World::one(zk(5, |_, _| {}));
     world.start(Rc);
     world.streams(Rc, run_rpm(110_000));
-    world.pass(8.0);
+    world.pass_s(8.0);
     assert!((world.rpm() - 110_000.0).abs() < 2000.0, "{}", world.rpm());
     let lost_at = world.now();
-    world.dip(180.0);
-    world.pass(300.0);
+    world.dip_s(180.0);
+    world.pass_s(300.0);
     world.assert_ignitions(1);
     world.assert_not_sent_run(lost_at + GAP);
     world.starts_again(Rc);
@@ -147,10 +147,10 @@ fn dips_while_cranking(mut world: World) {
     world.ready(Rc);
     world.streams(Rc, run(0));
     for _ in 0..6 {
-        world.pass(3.0);
-        world.dip(0.3);
+        world.pass_s(3.0);
+        world.dip_s(0.3);
     }
-    world.pass(100.0);
+    world.pass_s(100.0);
     world.assert_ignitions(1);
     assert!(!world.phase().is_live());
     world.starts_again(Rc);
@@ -178,9 +178,9 @@ fn engine_after_an_outage_too_short_to_see_is_brought_to_standby() {
         ecu.temper = ZkTemper { starts_hot: true, ..ZkTemper::DEFAULT };
     }));
     world.fly(Rc, 60);
-    world.dip(0.02);
+    world.dip_s(0.02);
     let from = world.now() + 500 * MILLIS;
-    world.pass(60.0);
+    world.pass_s(60.0);
     assert!(!world.phase().is_live(), "{:?}", world.phase());
     world.assert_ignitions(1);
     world.assert_not_sent_run(from);
@@ -193,9 +193,9 @@ fn freshly_powered_amt_ecu_is_not_sent_run_at_the_earlier_throttle() {
     for (off, boot) in [(0.1, 50), (0.3, 50), (0.3, 500), (0.8, 100)] {
         let mut world = World::one(amt(|_, ecu| ecu.boot = boot * MILLIS));
         world.fly(Rc, 60);
-        world.dip(off);
+        world.dip_s(off);
         let powered = world.now();
-        world.pass(20.0);
+        world.pass_s(20.0);
         assert!(world.sent(powered).count() > 100, "each of its sets was answered");
         world.assert_not_sent_run(powered);
         world.assert_ignitions(1);
@@ -210,8 +210,8 @@ fn new_start_after_an_outage_lights_the_engine() {
         let mut world = World::one(engine);
         world.fly(Rc, 60);
         world.streams(Rc, Standby);
-        world.dip(3.0);
-        world.pass(10.0);
+        world.dip_s(3.0);
+        world.pass_s(10.0);
         world.assert_ignitions(1);
         world.starts_again(Rc);
     }
@@ -226,9 +226,9 @@ fn engine_that_ran_through_a_cut_line_continues_at_its_demand() {
         world.fly(Rc, 60);
         let from = world.now();
         world.plugs[0].cut(true);
-        world.pass(cut);
+        world.pass_s(cut);
         world.plugs[0].cut(false);
-        world.pass(20.0);
+        world.pass_s(20.0);
         world.assert_not_shut_down(from);
         world.assert_ignitions(1);
         assert_eq!(world.throttle_sent(0), Some(600));
@@ -246,9 +246,9 @@ fn engine_continues_at_its_demand_through_2_s_of_framing_noise() {
         world.plugs[0].framing(FramingAs::Error);
         let noise = Faults { framing_per_million: 250_000, ..Faults::default() };
         world.plugs[0].set_faults(noise, Faults::default());
-        world.pass(2.0);
+        world.pass_s(2.0);
         world.plugs[0].set_faults(Faults::default(), Faults::default());
-        world.pass(20.0);
+        world.pass_s(20.0);
         world.assert_not_shut_down(from);
         world.assert_ignitions(1);
         assert_eq!(world.throttle_sent(0), Some(600));
@@ -262,9 +262,9 @@ fn amt_engine_that_reports_idle_calibration_in_flight_continues_at_its_demand() 
         let in_flight = Some(InFlight { shows, every: 5 * SECOND, lasts: 2 * SECOND });
         let mut world = World::one(amt(|_, ecu| ecu.temper = AmtTemper { in_flight, ..AmtTemper::DEFAULT }));
         world.fly(Rc, 60);
-        world.pass(5.0);
+        world.pass_s(5.0);
         let from = world.now();
-        world.pass(30.0);
+        world.pass_s(30.0);
         world.assert_not_shut_down(from);
         let lowest = world.sent(from).filter_map(Frame::throttle).min();
         assert_eq!(lowest, Some(600), "{shows:?}");

@@ -45,7 +45,7 @@ fn assert_no_fuel_into_a_hot_engine(world: &World) {
 fn assert_refused(world: &mut World, (action, sent_action): (Action, SentAction)) {
     let from = world.now();
     let answer: Result<Accepted, Rejected> = world.command(Rc, service(action));
-    world.pass(3.0);
+    world.pass_s(3.0);
     let sent = world.sent(from).filter(|frame| frame.is_action(sent_action)).count();
     assert_eq!(sent, 0, "{action:?} is on the wire");
     assert!(answer.is_err(), "{action:?}: {answer:?}");
@@ -57,7 +57,7 @@ fn assert_obeyed(world: &mut World, (action, sent_action): (Action, SentAction))
     let from = world.now();
     let answer = world.command(Rc, service(action));
     assert!(answer.is_ok(), "{action:?}: {answer:?}");
-    world.pass(1.0);
+    world.pass_s(1.0);
     assert!(world.sent(from).any(|frame| frame.is_action(sent_action)), "{action:?} never went out");
 }
 
@@ -68,11 +68,11 @@ fn nothing_that_moves_fuel_or_heats_goes_to_an_engine_that_cools() {
         let mut world = obedient();
         world.fly(Rc, 90);
         world.streams(Rc, Standby);
-        world.pass(3.0);
+        world.pass_s(3.0);
         assert!(world.egt() > 500.0);
         let from = world.now();
         let answer = world.command(Rc, service(action));
-        world.pass(10.0);
+        world.pass_s(10.0);
         let hot = world.turbine(|turbine| turbine.history().hot_fuel_time());
         if answer.is_ok() || hot > 0 || world.sent(from).any(|frame| frame.is_action(sent_action)) {
             wrong.push(format!("{action:?}: {:.1} s of fuel", seconds(hot)));
@@ -89,7 +89,7 @@ fn nothing_that_moves_fuel_or_heats_goes_to_a_hot_engine_in_standby() {
         world.fly(Rc, 90);
         world.streams(Rc, Standby);
         world.zk(|ecu| ecu.set_state(Some(1)));
-        world.pass(3.0);
+        world.pass_s(3.0);
         assert!(world.egt() > 500.0);
         assert_refused(&mut world, hot);
         assert_no_fuel_into_a_hot_engine(&world);
@@ -103,7 +103,7 @@ fn nothing_that_moves_fuel_or_heats_goes_to_an_ecu_that_reports_stop() {
         let mut world = obedient();
         world.ready(Rc);
         world.zk(|ecu| ecu.set_state(Some(0)));
-        world.pass(3.0);
+        world.pass_s(3.0);
         assert_refused(&mut world, hot);
     }
 }
@@ -115,7 +115,7 @@ fn nothing_that_moves_fuel_or_heats_is_done_with_an_exhaust_that_is_not_known() 
             let mut world = obedient();
             world.ready(Rc);
             world.turbine(|turbine| turbine.set_egt_sensor(sensor));
-            world.pass(3.0);
+            world.pass_s(3.0);
             assert_refused(&mut world, hot);
         }
     }
@@ -126,7 +126,7 @@ fn nothing_that_moves_fuel_or_heats_is_done_with_an_engine_that_is_not_armed() {
     for hot in HOT {
         let mut world = obedient();
         world.streams(Rc, Standby);
-        world.pass(3.0);
+        world.pass_s(3.0);
         assert_refused(&mut world, hot);
     }
 }
@@ -158,7 +158,7 @@ fn pump_open() -> World {
 
 #[track_caller]
 fn assert_closed(world: &mut World, within_seconds: f64) {
-    world.pass(within_seconds);
+    world.pass_s(within_seconds);
     let flow = flow(world);
     assert!(flow == 0.0, "{flow} ml/min after {within_seconds} s");
 }
@@ -177,7 +177,7 @@ fn pump_is_closed_by_an_emergency_stop() {
     let stop = world.now();
     world.command(Rc, EmergencyStop).expect("never refused");
     assert_closed(&mut world, 1.0);
-    world.pass(10.0);
+    world.pass_s(10.0);
     let first = |what: &dyn Fn(&crate::wire::Frame) -> bool| {
         world.sent(stop).find(|frame| what(frame)).map(|frame| frame.at).expect("it goes out")
     };

@@ -23,16 +23,16 @@ fn stopped_and_released() -> [World; 2] {
     both().map(|mut world| {
         world.ready(Rc);
         world.command(Rc, EmergencyStop).expect("never refused");
-        world.pass(1.0);
+        world.pass_s(1.0);
         world.command(Rc, ReleaseStop).expect("at rest, and its source at standby");
-        world.pass(3.0);
+        world.pass_s(3.0);
         world
     })
 }
 
 fn ignitions_after_run(world: &mut World) -> usize {
     world.streams(Rc, run(0));
-    world.pass(20.0);
+    world.pass_s(20.0);
     world.ignitions()
 }
 
@@ -51,12 +51,12 @@ fn source_that_commanded_arm_during_an_emergency_stop_does_not_arm_the_engine() 
         world.command(Rc, EmergencyStop).expect("never refused");
         for _ in 0..10 {
             let _ = world.command(Rc, Arm);
-            world.pass(0.1);
+            world.pass_s(0.1);
         }
         world.command(Rc, ReleaseStop).expect("at rest, and its source at standby");
         for _ in 0..30 {
             let _ = world.command(Rc, Arm);
-            world.pass(0.1);
+            world.pass_s(0.1);
         }
         assert_eq!(ignitions_after_run(&mut world), 0);
     }
@@ -66,9 +66,9 @@ fn source_that_commanded_arm_during_an_emergency_stop_does_not_arm_the_engine() 
 fn engine_is_armed_by_a_change_to_armed_after_the_release() {
     for mut world in stopped_and_released() {
         world.command(Rc, Disarm).expect("never refused");
-        world.pass(0.5);
+        world.pass_s(0.5);
         world.command(Rc, Arm).expect("never refused");
-        world.pass(3.0);
+        world.pass_s(3.0);
         assert_eq!(ignitions_after_run(&mut world), 1);
     }
 }
@@ -86,7 +86,7 @@ fn governed_by(governor: Governor, rpm: u32) -> World {
     let mut world = World::one(amt(|config, _| config.supervision.governor = Some(governor)));
     world.start(Rc);
     world.streams(Rc, run_rpm(rpm));
-    world.pass(40.0);
+    world.pass_s(40.0);
     assert!((world.rpm() - f64::from(rpm)).abs() < 1500.0, "{} rpm", world.rpm());
     world
 }
@@ -102,7 +102,7 @@ fn speed_that_no_engine_has_does_not_take_the_governor_to_full_throttle() {
         let mut world = governed_by(Governor { max_rpm, ..Governor::DEFAULT }, 70_000);
         let from = world.now();
         world.streams(Rc, run_rpm(u32::MAX));
-        world.pass(20.0);
+        world.pass_s(20.0);
         most_throttle(&world, from)
     };
     let most_below = most(100_000);
@@ -117,7 +117,7 @@ fn governor_does_not_open_the_throttle_against_a_shaft_that_falls_after_a_flame_
     let from = world.now();
     let before = most_throttle(&world, from - SECOND);
     world.turbine(|turbine| turbine.flame_out());
-    world.pass(10.0);
+    world.pass_s(10.0);
     let most = most_throttle(&world, from);
     assert!(most <= before + 5.0, "from {before} % to {most} %");
 }
@@ -126,7 +126,7 @@ fn governor_does_not_open_the_throttle_against_a_shaft_that_falls_after_a_flame_
 fn governor_holds_a_speed() {
     let mut world = governed(70_000);
     world.streams(Rc, run_rpm(85_000));
-    world.pass(40.0);
+    world.pass_s(40.0);
     assert!((world.rpm() - 85_000.0).abs() < 1500.0, "{} rpm", world.rpm());
 }
 
@@ -137,7 +137,7 @@ fn governor_holds_a_speed() {
 fn ignitions_with(mut world: World, sensor: EgtSensor) -> usize {
     world.ready(Rc);
     world.turbine(|turbine| turbine.set_egt_sensor(sensor));
-    world.pass(3.0);
+    world.pass_s(3.0);
     ignitions_after_run(&mut world)
 }
 
@@ -170,7 +170,7 @@ fn exhaust_at_15_degrees_is_cool() {
 fn voltages_of(world: &mut World) -> Vec<u32> {
     let mut voltages = Vec::new();
     for _ in 0..300 {
-        world.pass(0.01);
+        world.pass_s(0.01);
         let supply = world.handle(0).telemetry().report.supply;
         let new = supply.filter(|supply| supply.at.as_micros() * 1000 + SECOND / 100 > world.now());
         voltages.extend(new.and_then(|supply| supply.value.voltage).map(|voltage| voltage.get()));
@@ -184,9 +184,9 @@ fn scale_after_a_swap(from: u8, to: u8) {
     let other = zk(to, |_, ecu| ecu.ids = vec![1, 2, 3, 4, 5, 2, 1, 2, 3, 4, 5, 2, 6]).1;
     let mut world = World::one(zk(from, |_, _| {}));
     world.streams(Rc, Standby);
-    world.pass(3.0);
+    world.pass_s(3.0);
     world.power(false);
-    world.pass(5.0);
+    world.pass_s(5.0);
     world.plugs[0].replace_ecu(other);
     let voltages = voltages_of(&mut world);
     assert!(!voltages.is_empty());
@@ -221,7 +221,7 @@ fn two_reports_of_a_running_amt_engine_release_the_demand() {
     world.streams(Rc, run(100));
     world.until("it runs", 100.0, |world| world.phase() == Phase::Running);
     let running = world.now();
-    world.pass(5.0);
+    world.pass_s(5.0);
     let moved = world.sent(running).find(|frame| frame.throttle() > Some(0)).expect("it moves").at;
     // Three sets of 125 ms, and 25 ms for the last one to be sent.
     let late = moved - running;
@@ -243,7 +243,7 @@ fn inject(world: &mut World, report: [u8; 7], count: usize) {
     for _ in 0..count {
         world.plugs[0].inject_to_node(&report);
     }
-    world.pass(0.02 + 0.008 * count as f64);
+    world.pass_s(0.02 + 0.008 * count as f64);
 }
 
 /// Result of a start after this number of reports of a low voltage. One in 256 frames that noise forms passes its CRC.

@@ -15,7 +15,7 @@ fn both() -> [World; 2] {
 fn shut_down(world: &mut World) {
     world.fly(Rc, 60);
     world.streams(Rc, Standby);
-    world.pass(5.0);
+    world.pass_s(5.0);
     assert!(world.egt() > 300.0 && !world.phase().is_live());
 }
 
@@ -29,7 +29,7 @@ fn run_refused_while_cooling_does_not_start_the_engine_when_it_has_cooled() {
         shut_down(&mut world);
         let from = world.now();
         world.streams(Rc, run(0));
-        world.pass(400.0);
+        world.pass_s(400.0);
         world.assert_ignitions(1);
         assert!(world.egt() < 100.0, "it has cooled");
         world.assert_not_sent_run(from);
@@ -43,10 +43,10 @@ fn run_refused_as_too_hot_does_not_start_the_engine_when_it_has_cooled() {
     let mut world = World::one(amt(|_, ecu| ecu.turbine.cooling_rpm = 0.0));
     shut_down(&mut world);
     world.until("a shaft at rest", 60.0, |world| world.rpm() < 1.0);
-    world.pass(2.0);
+    world.pass_s(2.0);
     assert!(world.egt() > 150.0, "{}", world.egt());
     world.streams(Rc, run(0));
-    world.pass(700.0);
+    world.pass_s(700.0);
     world.assert_ignitions(1);
     assert!(world.egt() < 100.0, "it has cooled");
     world.starts_again(Rc);
@@ -59,10 +59,10 @@ fn run_refused_as_not_armed_does_not_start_the_engine_when_another_source_arms()
         world.command(Rc, Disarm).expect("always accepted");
         let from = world.now();
         world.streams(Rc, run(0));
-        world.pass(3.0);
+        world.pass_s(3.0);
         world.assert_ignitions(0);
         world.command(Mavlink, Arm).expect("always accepted");
-        world.pass(60.0);
+        world.pass_s(60.0);
         world.assert_ignitions(0);
         world.assert_not_sent_run(from);
         world.starts_again(Rc);
@@ -75,12 +75,12 @@ fn run_refused_for_a_fault_does_not_start_the_zk_engine_when_the_fault_clears() 
     world.ready(Rc);
     // Voltage low.
     world.zk(|ecu| ecu.set_error(Some(2)));
-    world.pass(2.0);
+    world.pass_s(2.0);
     let from = world.now();
     world.streams(Rc, run(0));
-    world.pass(20.0);
+    world.pass_s(20.0);
     world.zk(|ecu| ecu.set_error(None));
-    world.pass(60.0);
+    world.pass_s(60.0);
     world.assert_ignitions(0);
     world.assert_not_sent_run(from);
     world.starts_again(Rc);
@@ -91,12 +91,12 @@ fn run_refused_for_a_fault_does_not_start_the_amt_engine_when_the_fault_clears()
     let mut world = World::one(amt(|_, _| {}));
     world.ready(Rc);
     world.amt(|ecu| ecu.set_errors(error::SUPPLY_LOW));
-    world.pass(2.0);
+    world.pass_s(2.0);
     let from = world.now();
     world.streams(Rc, run(0));
-    world.pass(20.0);
+    world.pass_s(20.0);
     world.amt(|ecu| ecu.set_errors(0));
-    world.pass(60.0);
+    world.pass_s(60.0);
     world.assert_ignitions(0);
     world.assert_not_sent_run(from);
     world.starts_again(Rc);
@@ -107,9 +107,9 @@ fn run_refused_above_idle_does_not_start_the_engine_when_the_stick_comes_down() 
     for mut world in both() {
         world.ready(Rc);
         world.streams(Rc, run(30));
-        world.pass(3.0);
+        world.pass_s(3.0);
         world.streams(Rc, run(0));
-        world.pass(60.0);
+        world.pass_s(60.0);
         world.assert_ignitions(0);
         world.starts_again(Rc);
     }
@@ -145,20 +145,20 @@ fn start_that_waits_for_another_engine_is_over_when_its_source_is_lost() {
     let mut world = group();
     world.ready(Rc);
     world.streams(Rc, run(0));
-    world.pass(5.0);
+    world.pass_s(5.0);
     // RC keeps commanding the first one.
     world.streams_to(0, Rc, run(0));
     world.silence(1, Rc);
-    world.pass(5.0);
+    world.pass_s(5.0);
     world.streams_to(1, Rc, run(0));
-    world.pass(100.0);
+    world.pass_s(100.0);
     assert_eq!(world.turbine_of(0, |turbine| turbine.phase()), Phase::Running);
     assert_eq!(ignitions_of(&world, 1), 0);
     // Its own standby, then run.
     world.streams_to(1, Rc, Standby);
-    world.pass(3.0);
+    world.pass_s(3.0);
     world.streams_to(1, Rc, run(0));
-    world.pass(60.0);
+    world.pass_s(60.0);
     assert_eq!(ignitions_of(&world, 1), 1);
 }
 
@@ -171,13 +171,13 @@ fn standby_of_one_source_and_run_of_another_are_no_start() {
     for mut world in both() {
         world.start(Rc);
         world.streams(Mavlink, run(0));
-        world.pass(10.0);
+        world.pass_s(10.0);
         world.streams(Rc, Standby);
         world.until("cool", 300.0, |world| world.phase() == Phase::Standby && world.egt() < 80.0);
-        world.pass(5.0);
+        world.pass_s(5.0);
         let from = world.now();
         world.silent(Rc);
-        world.pass(120.0);
+        world.pass_s(120.0);
         world.assert_ignitions(1);
         world.assert_not_sent_run(from);
         // Its own standby, then its own run.
@@ -190,9 +190,9 @@ fn standby_of_a_lost_source_does_not_serve_the_run_of_a_lower_one() {
     for mut world in both() {
         world.ready(Rc);
         world.silent(Rc);
-        world.pass(3.0);
+        world.pass_s(3.0);
         world.streams(Mavlink, run(0));
-        world.pass(60.0);
+        world.pass_s(60.0);
         world.assert_ignitions(0);
         world.starts_again(Mavlink);
     }
@@ -217,13 +217,13 @@ fn start_of_an_engine_at_rest_ends_when_the_stages_of_loss_of_its_source_have_ru
         let mut world = never_starts();
         world.ready(Rc);
         world.streams(Rc, run(0));
-        world.pass(fresh);
+        world.pass_s(fresh);
         // As long as its source is fresh, the start continues.
         assert!(world.sent(world.now() - 300 * MILLIS).any(|frame| frame.is_run()));
         world.silent(Rc);
-        world.pass(STAGES + 1.0);
+        world.pass_s(STAGES + 1.0);
         let over = world.now();
-        world.pass(120.0);
+        world.pass_s(120.0);
         world.assert_not_sent_run(over);
         assert!(world.sent(over).all(|frame| frame.is_stop()));
     }
@@ -235,7 +235,7 @@ fn disarm_ends_a_start_of_an_engine_at_rest() {
     world.ready(Rc);
     let from = world.now();
     world.streams(Rc, run(0));
-    world.pass(3.0);
+    world.pass_s(3.0);
     assert!(world.sent(from).any(|frame| frame.is_run()));
     disarmed(&mut world);
 }
@@ -256,9 +256,9 @@ fn disarm_ends_a_start_of_an_engine_on_its_way_up() {
 fn disarmed(world: &mut World) {
     world.command(Rc, Disarm).expect("always accepted");
     // A frame in transmission.
-    world.pass(0.3);
+    world.pass_s(0.3);
     let from = world.now();
-    world.pass(60.0);
+    world.pass_s(60.0);
     world.assert_not_sent_run(from);
     assert!(!world.phase().is_live());
 }
@@ -269,7 +269,7 @@ fn disarm_leaves_a_running_engine_alone() {
         world.fly(Rc, 60);
         let from = world.now();
         world.command(Rc, Disarm).expect("always accepted");
-        world.pass(60.0);
+        world.pass_s(60.0);
         world.assert_not_shut_down(from);
         assert_eq!(world.throttle_sent(0), Some(600));
     }
@@ -285,12 +285,12 @@ fn rc_away_for_a_moment_while_mavlink_streams_standby_leaves_the_engine_running(
         for mut world in both() {
             world.fly(Rc, 60);
             world.streams(Mavlink, Standby);
-            world.pass(5.0);
+            world.pass_s(5.0);
             let from = world.now();
             world.silent(Rc);
-            world.pass(away);
+            world.pass_s(away);
             world.streams(Rc, run(60));
-            world.pass(30.0);
+            world.pass_s(30.0);
             world.assert_not_shut_down(from);
             assert_eq!(world.throttle_sent(0), Some(600));
         }
@@ -302,10 +302,10 @@ fn mavlink_that_streams_standby_shuts_the_engine_down_when_rc_is_gone() {
     for mut world in both() {
         world.fly(Rc, 60);
         world.streams(Mavlink, Standby);
-        world.pass(5.0);
+        world.pass_s(5.0);
         world.silent(Rc);
         // Lost after 0.5 s, held for 1 s, and 5 s at the fail-safe.
-        world.pass(0.5 + 1.0 + 5.0 + 1.0);
+        world.pass_s(0.5 + 1.0 + 5.0 + 1.0);
         assert!(world.throttle_sent(0).is_none());
         assert!(!world.phase().is_live());
     }
@@ -316,12 +316,12 @@ fn one_word_of_a_source_that_counts_as_lost_does_not_shut_the_engine_down() {
     for mut world in both() {
         world.fly(Rc, 60);
         world.streams(Mavlink, run(60));
-        world.pass(1.0);
+        world.pass_s(1.0);
         world.silent(Rc);
-        world.pass(10.0);
+        world.pass_s(10.0);
         let from = world.now();
         let _ = world.command(Rc, Standby);
-        world.pass(30.0);
+        world.pass_s(30.0);
         world.assert_not_shut_down(from);
         assert_eq!(world.throttle_sent(0), Some(600));
     }
@@ -333,7 +333,7 @@ fn one_word_among_others_does_not_shut_the_engine_down() {
         world.fly(Rc, 60);
         let from = world.now();
         let _ = world.command(Rc, Standby);
-        world.pass(30.0);
+        world.pass_s(30.0);
         world.assert_not_shut_down(from);
         assert_eq!(world.throttle_sent(0), Some(600));
     }
@@ -345,9 +345,9 @@ fn two_words_of_the_source_in_control_shut_the_engine_down() {
         world.fly(Rc, 60);
         world.silent(Rc);
         let _ = world.command(Rc, Standby);
-        world.pass(0.1);
+        world.pass_s(0.1);
         let _ = world.command(Rc, Standby);
-        world.pass(1.0);
+        world.pass_s(1.0);
         assert!(world.throttle_sent(0).is_none());
         assert!(!world.phase().is_live());
     }
@@ -359,9 +359,9 @@ fn gap_of_0_6_s_in_a_stream_does_not_lower_the_demand() {
         world.fly(Rc, 100);
         let from = world.now();
         world.silent(Rc);
-        world.pass(0.6);
+        world.pass_s(0.6);
         world.streams(Rc, run(100));
-        world.pass(20.0);
+        world.pass_s(20.0);
         let lowest = world.sent(from).filter_map(|frame| frame.throttle()).min();
         assert_eq!(lowest, Some(1000), "held for 1 s after the 0.5 s in which the source counts as fresh");
     }
@@ -373,7 +373,7 @@ fn gap_of_10_s_in_a_stream_lowers_the_demand_to_idle() {
         world.fly(Rc, 100);
         let from = world.now();
         world.silent(Rc);
-        world.pass(10.0);
+        world.pass_s(10.0);
         world.assert_not_shut_down(from);
         assert_eq!(world.throttle_sent(0), Some(0));
     }

@@ -172,7 +172,7 @@ impl<const N: usize> World<N> {
     /// The watchdog resets the node.
     pub fn reset(&mut self) {
         self.halt();
-        self.pass(START_UP);
+        self.pass_s(START_UP);
         self.boot();
     }
 
@@ -251,7 +251,7 @@ impl<const N: usize> World<N> {
     // ---------------------------------------------------------------------------------------
 
     /// Lets time pass.
-    pub fn pass(&mut self, seconds: f64) {
+    pub fn pass_s(&mut self, seconds: f64) {
         let end = clock::now_ns() + (seconds * 1e9) as Nanos;
         loop {
             let now = clock::now_ns();
@@ -289,7 +289,7 @@ impl<const N: usize> World<N> {
         while !done(self) {
             let passed = seconds(self.now() - from);
             assert!(passed < within_seconds, "{what}: not within {within_seconds} s");
-            self.pass(0.01);
+            self.pass_s(0.01);
         }
     }
 
@@ -340,9 +340,9 @@ impl<const N: usize> World<N> {
     }
 
     /// Cuts the supply of the first ECU for this time.
-    pub fn dip(&mut self, seconds: f64) {
+    pub fn dip_s(&mut self, seconds: f64) {
         self.plugs[0].power(false);
-        self.pass(seconds);
+        self.pass_s(seconds);
         self.plugs[0].power(true);
     }
 
@@ -361,7 +361,7 @@ impl<const N: usize> World<N> {
         }
         self.streams(origin, Standby);
         self.until("standby", 900.0, |world| (0..N).all(|engine| world.is_in_standby(engine)));
-        self.pass(2.0);
+        self.pass_s(2.0);
     }
 
     fn is_in_standby(&self, engine: usize) -> bool {
@@ -375,14 +375,14 @@ impl<const N: usize> World<N> {
         self.until("running", 150.0, |world| {
             (0..N).all(|engine| world.turbine_of(engine, |turbine| turbine.phase() == Phase::Running))
         });
-        self.pass(2.0);
+        self.pass_s(2.0);
     }
 
     /// Running at this throttle.
     pub fn fly(&mut self, origin: Origin, percent: u8) {
         self.start(origin);
         self.streams(origin, run(percent));
-        self.pass(8.0);
+        self.pass_s(8.0);
         assert_eq!(self.throttle_sent(0), Some(u16::from(percent) * 10));
     }
 

@@ -42,7 +42,7 @@ fn one_false_report_of_version_4_does_not_make_run_go_by_id_6() {
     // Before the first ID 6 of its own, and after it.
     for after in [0.0, 0.75] {
         let mut world = split(3);
-        world.pass(after);
+        world.pass_s(after);
         world.plugs[0].inject_to_node(&identity(4));
         world.fly(Rc, 60);
         assert_eq!(by_id_6(&world, Sw::Run), 0, "version 3 has no ID 6");
@@ -50,7 +50,7 @@ fn one_false_report_of_version_4_does_not_make_run_go_by_id_6() {
         assert!(rate > 19.0, "ID 1 goes out {rate} times a second of 20");
         // It ends when it is sent standby, by ID 1.
         world.streams(Rc, Standby);
-        world.pass(1.0);
+        world.pass_s(1.0);
         assert!(!world.phase().is_live());
     }
 }
@@ -66,7 +66,7 @@ fn switch_that_follows_late_does_not_make_run_of_a_version_3_ecu_go_by_id_6() {
     // The ECU itself is silent while it receives nothing.
     for _ in 0..20 {
         world.plugs[0].inject_to_node(&stop_report());
-        world.pass(0.2);
+        world.pass_s(0.2);
     }
     world.plugs[0].cut_one(Direction::ToEcu, false);
     world.fly(Rc, 60);
@@ -87,7 +87,7 @@ fn run_goes_by_id_6_where_version_4_is_known() {
         world.fly(Rc, 60);
         assert!(by_id_6(&world, Sw::Run) > 100);
         world.streams(Rc, Standby);
-        world.pass(1.0);
+        world.pass_s(1.0);
         assert!(!world.phase().is_live());
     }
 }
@@ -123,7 +123,7 @@ fn version_received(times: usize) -> World {
     world.start(Rc);
     for _ in 0..times {
         world.plugs[0].inject_to_node(&identity(5));
-        world.pass(0.1);
+        world.pass_s(0.1);
     }
     world
 }
@@ -132,7 +132,7 @@ fn version_received(times: usize) -> World {
 fn speed_goes_out(mut world: World) -> bool {
     let from = world.now();
     world.streams(Rc, run_rpm(110_000));
-    world.pass(3.0);
+    world.pass_s(3.0);
     world.sent(from).any(|frame| matches!(frame.sent, Sent::Zk(ZkCommand::Switch { .. } | ZkCommand::Rpm(_))))
 }
 
@@ -152,11 +152,11 @@ fn pump_command_goes_out(times: usize) -> bool {
     world.ready(Rc);
     for _ in 0..times {
         world.plugs[0].inject_to_node(&identity(5));
-        world.pass(0.1);
+        world.pass_s(0.1);
     }
     let from = world.now();
     let _ = world.command(Rc, service(zk_ecu::codec::Action::OpenPump));
-    world.pass(3.0);
+    world.pass_s(3.0);
     world.sent(from).any(|frame| frame.is_action(Action::OpenPump))
 }
 
@@ -181,20 +181,20 @@ fn emergency_stop_reaches_an_ecu_in_rpm_mode_where_nothing_is_known() {
         let mut world = World::one(zk(version, |_, _| {}));
         world.start(Rc);
         world.streams(Rc, run_rpm(110_000));
-        world.pass(8.0);
+        world.pass_s(8.0);
         world.silent(Rc);
         world.plugs[0].cut_one(Direction::ToNode, true);
         world.halt();
         world.forget();
         world.reset();
-        world.pass(0.3);
+        world.pass_s(0.3);
         assert_eq!(world.phase(), Phase::Running);
         world.command(Rc, EmergencyStop).expect("never refused");
         let stop = world.now();
-        world.pass(1.0);
+        world.pass_s(1.0);
         assert!(!world.phase().is_live(), "{:?} 1 s after the stop", world.phase());
         // At every send slot.
-        world.pass(9.0);
+        world.pass_s(9.0);
         let stops = world.sent(stop + 100 * MILLIS).filter(|frame| frame.is_stop()).count();
         assert!(stops >= 190, "{stops} stops in 10 s at 20 Hz");
     }

@@ -259,7 +259,7 @@ impl EndpointIn for ChipEndpoint {
 struct Host(&'static Cable);
 
 impl Host {
-    async fn pass(&self, ms: u64) {
+    async fn pass_ms(&self, ms: u64) {
         Timer::after(Duration::from_millis(ms)).await;
     }
 
@@ -293,7 +293,7 @@ impl Host {
     /// Resets the bus and sets the device up.
     async fn find(&self) {
         self.0.events.borrow_mut().push_back(Event::Reset);
-        self.pass(5).await;
+        self.pass_ms(5).await;
         assert_eq!(self.control([0, 5, 7, 0, 0, 0, 0, 0], &[]).await.0, Some(Outcome::Accepted), "address");
         assert_eq!(self.0.address.get(), 7);
         assert_eq!(self.configure(1).await, Some(Outcome::Accepted));
@@ -312,7 +312,7 @@ impl Host {
     /// Heartbeats that come within 2.5 s.
     async fn heartbeats(&self) -> usize {
         self.0.taken.borrow_mut().clear();
-        self.pass(2500).await;
+        self.pass_ms(2500).await;
         let bytes = self.0.taken.borrow().concat();
         let (mut decoder, mut rest, mut frames) = (Decoder::new(), &bytes[..], Vec::<Frame>::new());
         while let (count, Some(frame)) = decoder.receive(None, rest) {
@@ -347,7 +347,7 @@ fn run(scenario: impl AsyncFnOnce(&Host)) {
     let node = join(runner.keep_time(|_, _| ()), device);
     clock::run(select(node, async {
         let host = Host(cable);
-        host.pass(10).await;
+        host.pass_ms(10).await;
         scenario(&host).await;
     }));
 }
@@ -396,16 +396,16 @@ fn suspend_closes_the_port_and_a_wake_opens_it() {
         assert!(host.heartbeats().await >= 2);
         SUSPENDED.set(true);
         host.0.events.borrow_mut().push_back(Event::Suspend);
-        host.pass(10).await;
+        host.pass_ms(10).await;
         assert_eq!(host.heartbeats().await, 0);
         SUSPENDED.set(false);
         host.0.events.borrow_mut().push_back(Event::Resume);
-        host.pass(10).await;
+        host.pass_ms(10).await;
         assert!(host.heartbeats().await >= 2);
         // Pulled, and plugged in elsewhere.
         SUSPENDED.set(true);
         host.0.events.borrow_mut().push_back(Event::Suspend);
-        host.pass(3000).await;
+        host.pass_ms(3000).await;
         SUSPENDED.set(false);
         host.find().await;
         assert_eq!(host.heartbeats().await, 0);
@@ -418,7 +418,7 @@ fn suspend_closes_the_port_and_a_wake_opens_it() {
 fn suspend_that_is_seen_late_is_none() {
     run(async |host| {
         host.0.events.borrow_mut().extend([Event::Suspend, Event::Reset, Event::Suspend]);
-        host.pass(10).await;
+        host.pass_ms(10).await;
         // Without a reset: that would end it.
         assert_eq!(host.configure(1).await, Some(Outcome::Accepted));
         host.terminal(true).await;
@@ -432,7 +432,7 @@ fn event_that_never_ends_leaves_others_their_turn() {
     for event in [Event::Suspend, Event::Resume, Event::Reset, Event::PowerDetected] {
         run(async |host| {
             host.0.sticks.set(Some(event));
-            host.pass(3000).await;
+            host.pass_ms(3000).await;
             host.0.sticks.set(None);
             host.find().await;
             host.terminal(true).await;
@@ -499,7 +499,7 @@ fn host_that_leaves_in_the_middle_of_a_request_finds_the_device_again() {
             assert_eq!(host.control(setup, &[0; 7]).await.0, None, "{setup:02x?}");
             // Another host, or the same one.
             host.0.is_away.set(false);
-            host.pass(2500).await;
+            host.pass_ms(2500).await;
             host.find().await;
             host.terminal(true).await;
             assert!(host.heartbeats().await >= 2);

@@ -46,7 +46,7 @@ fn a_stop_is_sent_at_once() {
         assert!(frames[0].0 - at <= if busy { 4_200 } else { 0 }, "{after}: {frames:?}");
         assert!(frames.len() >= 20);
         for (at, bytes) in frames {
-            let stops = bytes == zk_frames::throttle(1, 0) || bytes == zk_frames::mode(0, 1);
+            let stops = bytes == zk_frames::throttle_tenths(1, 0) || bytes == zk_frames::mode(0, 1);
             assert!(stops, "{bytes:02x?} at {at}");
         }
     }

@@ -150,7 +150,7 @@ fn settings_of_what_is_attached_follow_those_of_the_engine() {
             let at = world.frames.borrow().len();
             let request = PARAM_REQUEST_LIST_DATA { target_system: SYSTEM, target_component: ENGINE[1] };
             world.say(TO_GROUND, GROUND, &request);
-            world.pass(5.0).await;
+            world.pass_s(5.0).await;
             let frames = world.frames.borrow();
             let values = frames.iter().skip(at).filter(|(_, port, _)| *port == TO_GROUND);
             let values = values.filter_map(|(_, _, frame)| match frame.message() {
@@ -198,7 +198,7 @@ fn settings_of_what_is_attached_are_set_refused_and_stored_as_records_of_their_o
             assert_eq!(read, [("TOY_A", 5), ("TOY_B", new as i32), ("TOY_C", 7)]);
             let at = world.frames.borrow().len();
             world.service.borrow_mut().saved(Instant::now(), result);
-            world.pass(0.2).await;
+            world.pass_s(0.2).await;
             assert_eq!(world.answers(at).0, Some(value as f32));
             assert_eq!(world.toy.numbers.borrow()[1], [5, value, 7]);
         }
@@ -286,7 +286,7 @@ fn a_calibration_of_the_stick_sets_its_end_points() {
         for result in [Ok(()), Err(NotSaved::Full)] {
             assert!(world.service.borrow_mut().next_save().is_some());
             world.service.borrow_mut().saved(Instant::now(), result);
-            world.pass(0.2).await;
+            world.pass_s(0.2).await;
         }
         assert_eq!(values(at), [("TOY_B".to_string(), 11.0), ("TOY_C".to_string(), 2.0)]);
         assert_eq!(*world.toy.numbers.borrow(), [[0, 1, 2], [0, 11, 2]]);
@@ -316,13 +316,13 @@ fn relays_are_reported_each_second_and_when_one_changes() {
     run(async |world| {
         world.ready().await;
         let at = world.frames.borrow().len();
-        world.pass(5.0).await;
+        world.pass_s(5.0).await;
         assert_eq!(sent(world, at, TO_GROUND, relays).len(), 0, "there are none");
         world.toy.on.set(true);
         let left = Outputs { valve: Some(false), power: Some(true) };
         world.toy.outputs.set([left, Outputs { valve: Some(true), power: None }]);
         let at = world.frames.borrow().len();
-        world.pass(5.0).await;
+        world.pass_s(5.0).await;
         for port in [TO_AUTOPILOT, TO_GROUND] {
             let sent = sent(world, at, port, relays);
             assert!(
@@ -335,13 +335,13 @@ fn relays_are_reported_each_second_and_when_one_changes() {
         let change = Change { engine: 0, what: "fuel valve open", why: "a test", alarming: false };
         let at = world.frames.borrow().len();
         world.toy.changes.borrow_mut().push_back(change);
-        world.pass(0.2).await;
+        world.pass_s(0.2).await;
         assert_eq!(sent(world, at, TO_GROUND, relays).first(), Some(&(0b0011, 0b0011)));
         assert!(world.texts().contains("left: fuel valve open: a test"), "{}", world.texts());
         // Another rate, and one on request.
         let (answer, _) = world.command(NODE, CMD_SET_MESSAGE_INTERVAL, &[376.0, -1.0]).await;
         let at = world.frames.borrow().len();
-        world.pass(5.0).await;
+        world.pass_s(5.0).await;
         assert_eq!((answer, sent(world, at, TO_GROUND, relays).len()), (Some(0), 0));
         assert_eq!(world.command(NODE, CMD_REQUEST_MESSAGE, &[376.0]).await.0, Some(0));
         assert_eq!(sent(world, at, TO_GROUND, relays).len(), 1);
@@ -362,7 +362,7 @@ fn channels_are_sent_on_request_only() {
         let mut pulses = [None; 18];
         (pulses[0], pulses[2], pulses[4]) = (Some(1500), Some(1100), Some(2000));
         world.toy.channels.set(Some(pulses));
-        world.pass(10.0).await;
+        world.pass_s(10.0).await;
         assert_eq!(
             sent(world, at, TO_GROUND, channels).len() + sent(world, at, TO_AUTOPILOT, channels).len(),
             0
@@ -382,7 +382,7 @@ fn channels_are_sent_on_request_only() {
         // On the requesting port, at the requested rate.
         assert_eq!(world.command(NODE, CMD_SET_MESSAGE_INTERVAL, &[65.0, 200_000.0]).await.0, Some(0));
         let at = world.frames.borrow().len();
-        world.pass(10.0).await;
+        world.pass_s(10.0).await;
         let count = sent(world, at, TO_GROUND, channels).len();
         assert!((45..=51).contains(&count), "{count}");
         assert_eq!(sent(world, at, TO_AUTOPILOT, channels).len(), 0);

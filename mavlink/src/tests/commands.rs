@@ -19,32 +19,32 @@ fn each_condition_of_a_start_is_named() {
     run(async |world| {
         world.until("standby", 30, || world.telemetry(0).state == EngineState::Standby).await;
         world.until("learnt", 30, || world.service.borrow().system_id() == Some(SYSTEM)).await;
-        world.pass(4.0).await;
+        world.pass_s(4.0).await;
         let (answer, text) = world.control(0, &[1.0]).await;
         assert_eq!(answer, NOT_NOW);
         assert!(text.contains("left: refused: arm the vehicle"), "{text}");
         world.plane.armed.set(true);
         world.throttle(1500);
-        world.pass(8.0).await;
+        world.pass_s(8.0).await;
         let (answer, text) = world.control(0, &[1.0]).await;
         assert_eq!(answer, NOT_NOW);
         assert!(text.contains("bring the throttle to idle first"), "{text}");
-        world.pass(1.0).await;
+        world.pass_s(1.0).await;
         let (answer, text) = world.control(0, &[1.0]).await;
         assert_eq!(answer, NOT_NOW);
         assert!(text.contains("repeated within 5 s"), "{text}");
         world.throttle(0);
-        world.pass(6.0).await;
+        world.pass_s(6.0).await;
         let (answer, text) = world.control(0, &[1.0]).await;
         assert_eq!(answer, NOT_NOW);
         assert!(text.contains("no throttle received"), "{text}");
         world.throttle(IDLE_US);
-        world.pass(6.0).await;
-        // The refused starts are forgotten: none starts anything later.
+        world.pass_s(6.0).await;
+        // The refusals are forgotten: none of it starts anything later.
         assert_eq!(world.telemetry(0).ordered.order, Order::Standby);
         assert_eq!(world.control(0, &[1.0]).await.0, ACCEPTED);
         world.until("starting", 5, || matches!(world.telemetry(0).ordered.order, Order::Run(_))).await;
-        world.pass(6.0).await;
+        world.pass_s(6.0).await;
         let (answer, text) = world.control(0, &[1.0]).await;
         assert_eq!(answer, NOT_NOW);
         assert!(text.contains("stop it first"), "{text}");
@@ -60,7 +60,7 @@ fn a_start_as_command_int_is_no_repeat() {
         assert_eq!(world.control(0, &[1.0]).await.0, ACCEPTED);
         assert_eq!(world.control(0, &[0.0]).await.0, ACCEPTED);
         world.until("standby", 300, || world.telemetry(0).state == EngineState::Standby).await;
-        world.pass(6.0).await;
+        world.pass_s(6.0).await;
         let start = COMMAND_INT_DATA {
             param1: 1.0,
             command: CMD_DO_ENGINE_CONTROL,
@@ -93,7 +93,7 @@ fn malformed_commands_are_denied() {
             &[0.0, 0.0, 1.0],
         ] {
             assert_eq!(world.control(1, params).await.0, DENIED, "{params:?}");
-            world.pass(1.0).await;
+            world.pass_s(1.0).await;
         }
         assert_eq!(world.telemetry(1).ordered.order, Order::Standby);
         for (component, command) in [
@@ -164,7 +164,7 @@ fn a_stop_acts_against_the_stream_and_only_a_command_starts_again() {
                     };
                     let at = world.frames.borrow().len();
                     world.say(TO_GROUND, GROUND, &message);
-                    world.pass(0.2).await;
+                    world.pass_s(0.2).await;
                     let frames = world.frames.borrow();
                     let ack = frames.iter().skip(at).find_map(|(_, _, frame)| match &frame.message() {
                         MavMessage::COMMAND_ACK(ack) => Some((ack.command, ack.result)),
@@ -174,7 +174,7 @@ fn a_stop_acts_against_the_stream_and_only_a_command_starts_again() {
                 }
             }
             assert_eq!(world.telemetry(1).ordered.order, Order::Standby);
-            world.pass(20.0).await;
+            world.pass_s(20.0).await;
             assert_eq!(world.telemetry(1).ordered.order, Order::Standby, "the stream starts nothing");
             world.throttle(IDLE_US);
             world.cold(1).await;
@@ -191,9 +191,9 @@ fn a_repeated_start_gets_the_last_answer_and_does_nothing() {
             world.command_from(TO_GROUND, from, target, CMD_DO_ENGINE_CONTROL, confirmation, &[1.0]).await
         };
         assert_eq!(again(GROUND, 0).await.0, ACCEPTED);
-        world.pass(1.0).await;
+        world.pass_s(1.0).await;
         assert_eq!(again(GROUND, 0).await.0, ACCEPTED, "within 5 s");
-        world.pass(10.0).await;
+        world.pass_s(10.0).await;
         assert_eq!(again(GROUND, 1).await.0, ACCEPTED, "a repeat by its number");
         let (answer, text) = again(Address { system: 255, component: 191 }, 0).await;
         assert_eq!(answer, NOT_NOW, "somebody else: {text}");
@@ -213,19 +213,19 @@ fn disarming_ends_a_start_and_the_bit_allows_one() {
     run(async |world| {
         world.ready().await;
         assert_eq!(world.control(1, &[1.0]).await.0, ACCEPTED);
-        world.pass(1.0).await;
+        world.pass_s(1.0).await;
         world.plane.armed.set(false);
         world.until("the start ends", 5, || world.telemetry(1).ordered.order == Order::Standby).await;
         world.cold(1).await;
         assert_eq!(world.control(1, &[1.0]).await.0, NOT_NOW);
-        world.pass(6.0).await;
+        world.pass_s(6.0).await;
         // Disarmed all the time: the bit allows it, and nothing ends it.
         assert_eq!(world.control(1, &[1.0, 0.0, 0.0, 1.0]).await.0, ACCEPTED);
         world.until("it runs", 120, || world.telemetry(1).state == EngineState::Running).await;
-        world.pass(1.0).await;
+        world.pass_s(1.0).await;
         assert!(!world.telemetry(1).armed, "the bit arms for one start");
         world.throttle(1900);
-        world.pass(5.0).await;
+        world.pass_s(5.0).await;
         assert_eq!(world.ordered(1), Some(0), "disarmed: idle");
         // A change from armed to disarmed also ends a start that the bit allowed.
         world.throttle(IDLE_US);
@@ -233,7 +233,7 @@ fn disarming_ends_a_start_and_the_bit_allows_one() {
         world.cold(1).await;
         assert_eq!(world.control(1, &[1.0, 0.0, 0.0, 1.0]).await.0, ACCEPTED);
         world.plane.armed.set(true);
-        world.pass(2.5).await;
+        world.pass_s(2.5).await;
         assert!(matches!(world.telemetry(1).ordered.order, Order::Run(_)));
         world.plane.armed.set(false);
         world.until("the start ends", 5, || world.telemetry(1).ordered.order == Order::Standby).await;
@@ -252,20 +252,20 @@ fn an_emergency_stop_is_latched_and_arming_counts_only_after_disarmed() {
         let (answer, text) = world.control(1, &[1.0]).await;
         assert_eq!(answer, NOT_NOW, "{text}");
         world.until("at rest", 300, || world.state(1) <= 3).await;
-        world.pass(60.0).await;
+        world.pass_s(60.0).await;
         assert!(!world.telemetry(1).armed);
         assert_eq!(world.command(ENGINE[1], USER, &[2.0, 0.0]).await.0, DENIED);
         assert_eq!(world.command(ENGINE[1], USER, &[2.0, 21196.0]).await.0, ACCEPTED);
         assert!(!world.telemetry(1).stop_latched);
         world.until("standby", 60, || world.telemetry(1).state == EngineState::Standby).await;
-        world.pass(10.0).await;
+        world.pass_s(10.0).await;
         let (answer, text) = world.control(1, &[1.0]).await;
         assert_eq!(answer, NOT_NOW);
         assert!(text.contains("disarm the vehicle, then arm it again"), "{text}");
         world.plane.armed.set(false);
-        world.pass(5.0).await;
+        world.pass_s(5.0).await;
         world.plane.armed.set(true);
-        world.pass(5.0).await;
+        world.pass_s(5.0).await;
         world.start(1).await;
         // Addressed to the node's component, it stops all engines; so does DO_FLIGHTTERMINATION.
         assert_eq!(world.command(NODE, CMD_DO_FLIGHTTERMINATION, &[0.0]).await.0, DENIED);
@@ -286,10 +286,10 @@ fn a_restart_does_not_replace_disarming_after_an_emergency_stop() {
             world.start(1).await;
             assert_eq!(world.command(ENGINE[1], USER, &[1.0, 21196.0]).await.0, ACCEPTED);
             world.until("at rest", 300, || world.state(1) <= 3).await;
-            world.pass(60.0).await;
+            world.pass_s(60.0).await;
             if latched {
                 world.restart_service();
-                world.pass(5.0).await;
+                world.pass_s(5.0).await;
             }
             assert_eq!(world.command(ENGINE[1], USER, &[2.0, 21196.0]).await.0, ACCEPTED);
             world.until("standby", 60, || world.telemetry(1).state == EngineState::Standby).await;
@@ -299,7 +299,7 @@ fn a_restart_does_not_replace_disarming_after_an_emergency_stop() {
             }
             if !latched {
                 world.restart_service();
-                world.pass(5.0).await;
+                world.pass_s(5.0).await;
             }
             match disarms {
                 None => {
@@ -311,10 +311,10 @@ fn a_restart_does_not_replace_disarming_after_an_emergency_stop() {
                 Some(seen) => {
                     if seen {
                         world.plane.armed.set(false);
-                        world.pass(5.0).await;
+                        world.pass_s(5.0).await;
                     }
                     world.plane.armed.set(true);
-                    world.pass(5.0).await;
+                    world.pass_s(5.0).await;
                     world.start(1).await;
                 }
             }
@@ -331,11 +331,11 @@ fn what_another_source_arms_after_a_stop_stays_armed() {
             world.until("standby", 30, || world.telemetry(0).state == EngineState::Standby).await;
             let radio = world.node.owners()[0].source(Origin::Rc).expect("nobody else is radio control");
             radio.command(Command::EmergencyStop).expect("never refused");
-            world.pass(3.0).await;
+            world.pass_s(3.0).await;
             assert!(world.telemetry(0).stop_latched);
             radio.command(Command::ReleaseStop).expect("the engine is at rest");
             radio.command(Command::Arm).expect("nothing is latched");
-            world.pass(3.0).await;
+            world.pass_s(3.0).await;
             assert!(world.telemetry(0).armed, "the autopilot is alive: {alive}");
         });
     }
@@ -347,19 +347,19 @@ fn without_a_demand_source_the_commanding_station_keeps_the_order_alive() {
         world.ready().await;
         assert_eq!(world.set(ENGINE[1], "MAV_THR_SRC", 0.0).await.0, Some(0.0));
         world.ground.set(false);
-        world.pass(10.0).await;
+        world.pass_s(10.0).await;
         let (answer, text) = world.control(1, &[1.0]).await;
         assert_eq!(answer, NOT_NOW);
         assert!(text.contains("no heartbeat from the commanding system"), "{text}");
         world.ground.set(true);
-        world.pass(6.0).await;
+        world.pass_s(6.0).await;
         world.start(1).await;
         // The throttle of the autopilot is not its source.
         world.throttle(1900);
-        world.pass(30.0).await;
+        world.pass_s(30.0).await;
         assert_eq!((world.telemetry(1).loss as u8, world.ordered(1)), (0, Some(0)));
         world.ground.set(false);
-        world.pass(4.0).await;
+        world.pass_s(4.0).await;
         assert_eq!(world.telemetry(1).loss as u8, 0);
         world.until("lost", 5, || world.telemetry(1).loss as u8 > 0).await;
     });
@@ -374,12 +374,12 @@ fn after_a_restart_an_order_without_a_demand_source_needs_a_station_that_may_com
         assert_eq!(world.set(NODE, "MAV_OWN_CMD", 0.0).await.0, Some(0.0));
         world.start(1).await;
         world.restart_service();
-        world.pass(30.0).await;
+        world.pass_s(30.0).await;
         assert_eq!((world.telemetry(1).loss as u8, world.ordered(1)), (0, Some(0)), "the station is there");
         world.ground.set(false);
         world.until("lost", 10, || world.telemetry(1).loss as u8 > 0).await;
         world.restart_service();
-        world.pass(20.0).await;
+        world.pass_s(20.0).await;
         assert!(world.telemetry(1).loss as u8 > 0, "nobody is there");
     });
 }
@@ -406,7 +406,7 @@ fn a_start_waits_for_another_engine() {
         assert_eq!(world.control(0, &[1.0]).await.0, ACCEPTED);
         assert_eq!(world.control(1, &[1.0]).await.0, ACCEPTED);
         assert_eq!(world.control(1, &[0.0]).await.0, ACCEPTED);
-        world.pass(200.0).await;
+        world.pass_s(200.0).await;
         assert_eq!(world.telemetry(0).state, EngineState::Running);
         assert_eq!(world.telemetry(1).ordered.order, Order::Standby);
     });
@@ -422,13 +422,13 @@ fn a_start_that_waits_is_refused_when_the_stream_rises() {
         assert_eq!(world.control(1, &[1.0]).await.0, ACCEPTED);
         assert!(world.telemetry(1).start_waits_until.is_some());
         world.throttle(1740);
-        world.pass(2.0).await;
+        world.pass_s(2.0).await;
         assert_eq!(world.telemetry(1).start_waits_until, None);
         let texts = world.texts();
         assert!(texts.contains("idle"), "{texts}");
         world.throttle(1100);
         world.until("the other runs", 200, || world.telemetry(0).state == EngineState::Running).await;
-        world.pass(20.0).await;
+        world.pass_s(20.0).await;
         assert_eq!(world.telemetry(1).ordered.order, Order::Standby);
     });
 }
@@ -470,7 +470,7 @@ fn damaged_settings_grant_no_start_until_a_person_confirms_them() {
         let (answer, text) = world.control(0, &[1.0]).await;
         assert_eq!(answer, NOT_NOW);
         assert!(text.contains("the stored settings are damaged"), "{text}");
-        world.pass(6.0).await;
+        world.pass_s(6.0).await;
         assert_eq!(world.telemetry(0).ordered.order, Order::Standby, "nor later");
         // Only at the board; the ground station's port is USB.
         let away = world.command_from(TO_AUTOPILOT, GROUND, (SYSTEM, NODE), USER, 0, CONFIRM_SETTINGS);
@@ -480,7 +480,7 @@ fn damaged_settings_grant_no_start_until_a_person_confirms_them() {
         let (answer, text) = world.command(NODE, USER, CONFIRM_SETTINGS).await;
         assert_eq!((answer, world.service.borrow_mut().take_rewrite()), (ACCEPTED, true), "{text}");
         world.service.borrow_mut().rewritten(embassy_time::Instant::now(), Ok(()));
-        world.pass(0.2).await;
+        world.pass_s(0.2).await;
         world.start(0).await;
     });
 }
@@ -492,7 +492,7 @@ fn a_stop_behind_the_rest_of_a_damaged_frame_acts_within_a_second() {
         world.start(1).await;
         // The first bytes of a frame of 280 bytes: everything after them may belong to it.
         world.say_bytes(TO_GROUND, &[0xFD, 255, 0, 0, 0, 255, 190, 0, 0, 0]);
-        world.pass(0.1).await;
+        world.pass_s(0.1).await;
         let stop = COMMAND_LONG_DATA {
             command: CMD_DO_ENGINE_CONTROL,
             target_system: SYSTEM,
@@ -500,9 +500,9 @@ fn a_stop_behind_the_rest_of_a_damaged_frame_acts_within_a_second() {
             ..Default::default()
         };
         world.say(TO_GROUND, GROUND, &stop);
-        world.pass(0.3).await;
+        world.pass_s(0.3).await;
         assert_eq!(world.ordered(1), Some(0), "it waits for the rest of the frame");
-        world.pass(0.5).await;
+        world.pass_s(0.5).await;
         assert_eq!(world.ordered(1), None, "the stop acts");
     });
 }
@@ -525,7 +525,7 @@ fn a_start_is_in_progress_until_the_engine_runs_only_where_that_is_set() {
         let at = world.frames.borrow().len();
         assert_eq!(world.control(1, &[1.0]).await.0, Some(Ack::InProgress as u8));
         world.until("the engine runs", 120, || world.telemetry(1).state == EngineState::Running).await;
-        world.pass(3.0).await;
+        world.pass_s(3.0).await;
         let all = answers(world, at);
         let (last, before) = all.split_last().unwrap();
         assert_eq!(*last, Ack::Accepted as u8, "{all:?}");
@@ -536,9 +536,9 @@ fn a_start_is_in_progress_until_the_engine_runs_only_where_that_is_set() {
         world.cold(1).await;
         let at = world.frames.borrow().len();
         assert_eq!(world.control(1, &[1.0]).await.0, Some(Ack::InProgress as u8));
-        world.pass(2.0).await;
+        world.pass_s(2.0).await;
         assert_eq!(world.command(ENGINE[1], CMD_USER_1, &[3.0]).await.0, Some(0));
-        world.pass(2.0).await;
+        world.pass_s(2.0).await;
         assert_eq!(answers(world, at).last(), Some(&(Ack::Cancelled as u8)));
     });
 }
@@ -555,10 +555,10 @@ fn without_signing_a_key_is_answered_with_a_text() {
             ..Default::default()
         };
         world.say(TO_GROUND, GROUND, &setup(ENGINE[0]));
-        world.pass(1.0).await;
+        world.pass_s(1.0).await;
         assert!(!world.texts().contains("no signing here"), "{}", world.texts());
         world.say(TO_GROUND, GROUND, &setup(NODE));
-        world.pass(1.0).await;
+        world.pass_s(1.0).await;
         assert!(world.texts().contains("no signing here"), "{}", world.texts());
     });
 }
@@ -578,7 +578,7 @@ fn a_stop_counts_while_an_autopilot_is_received_that_is_not_learnt() {
         run(async |world| {
             world.plane.alive.set(false);
             world.until("standby", 30, || world.telemetry(1).state == EngineState::Standby).await;
-            world.pass(10.0).await;
+            world.pass_s(10.0).await;
             let set = PARAM_SET_DATA {
                 param_value: 0.0,
                 target_system: SELF,
@@ -587,22 +587,22 @@ fn a_stop_counts_while_an_autopilot_is_received_that_is_not_learnt() {
                 param_type: PARAM_REAL32,
             };
             world.say(TO_GROUND, GROUND, &set);
-            world.pass(1.0).await;
+            world.pass_s(1.0).await;
             let to_one = async |command, params: &[f32]| {
                 world.command_from(TO_GROUND, GROUND, (SELF, ENGINE[1]), command, 0, params).await
             };
             assert_eq!(to_one(CMD_DO_ENGINE_CONTROL, &[1.0, 0.0, 0.0, 1.0]).await.0, ACCEPTED);
             world.until("runs", 120, || world.telemetry(1).state == EngineState::Running).await;
             world.plane.alive.set(true);
-            world.pass(10.0).await;
+            world.pass_s(10.0).await;
             let at = world.frames.borrow().len();
-            world.pass(5.0).await;
+            world.pass_s(5.0).await;
             let frames = world.frames.borrow()[at..].iter().filter(|(_, port, _)| *port == TO_GROUND).count();
             assert!(frames > 20, "{frames} frames in 5 s");
             // Addressed to another system it does not stop: the node has an id here.
             let other = command_to((SYSTEM, ENGINE[1]), command, params);
             world.say(TO_GROUND, GROUND, &other);
-            world.pass(0.2).await;
+            world.pass_s(0.2).await;
             assert!(matches!(world.telemetry(1).ordered.order, Order::Run(_)));
             assert_eq!(to_one(command, params).await.0, ACCEPTED, "{command} {params:?}");
             assert!(!matches!(world.telemetry(1).ordered.order, Order::Run(_)));
@@ -632,7 +632,7 @@ fn where_the_node_has_no_id_a_stop_to_its_component_counts_and_nothing_else_does
         run(async |world| {
             world.plane.alive.set(false);
             world.until("standby", 30, || world.telemetry(1).state == EngineState::Standby).await;
-            world.pass(4.0).await;
+            world.pass_s(4.0).await;
             let radio = world.node.owners()[1].source(Origin::Rc).unwrap();
             radio.command(Command::Arm).unwrap();
             radio.command(Command::Standby).unwrap();
@@ -665,9 +665,9 @@ fn a_start_with_a_confirmation_gets_no_old_answer_where_its_run_has_ended() {
         let radio = world.node.owners()[1].source(Origin::Rc).unwrap();
         radio.command(Command::ShutDown).unwrap();
         drop(radio);
-        world.pass(2.0).await;
+        world.pass_s(2.0).await;
         world.cold(1).await;
-        world.pass(60.0).await;
+        world.pass_s(60.0).await;
         let (answer, texts) = again().await;
         let runs = matches!(world.telemetry(1).ordered.order, Order::Run(_));
         assert!(answer == ACCEPTED && runs, "after more than 5 s it is judged again: {answer:?} {texts}");
@@ -679,7 +679,7 @@ fn a_repeat_of_a_start_that_has_ended_is_refused() {
     run(async |world| {
         world.ready().await;
         assert_eq!(world.control(1, &[1.0]).await.0, ACCEPTED);
-        world.pass(1.0).await;
+        world.pass_s(1.0).await;
         world.plane.armed.set(false);
         world.until("the start ends", 3, || world.telemetry(1).ordered.order == Order::Standby).await;
         for confirmation in [0, 1] {
@@ -697,9 +697,9 @@ fn a_start_while_disarmed_is_not_the_same_start_as_one_without_the_bit() {
     run(async |world| {
         world.until("standby", 30, || world.telemetry(0).state == EngineState::Standby).await;
         world.until("learnt", 30, || world.service.borrow().system_id() == Some(SYSTEM)).await;
-        world.pass(4.0).await;
+        world.pass_s(4.0).await;
         assert_eq!(world.control(0, &[1.0]).await.0, NOT_NOW);
-        world.pass(1.0).await;
+        world.pass_s(1.0).await;
         let (answer, texts) = world.control(0, &[1.0, 0.0, 0.0, 1.0]).await;
         assert_eq!(answer, ACCEPTED, "{texts}");
     });
@@ -719,7 +719,7 @@ fn behind_an_accepted_restart_nothing_starts_and_an_engine_that_turns_keeps_the_
         radio.command(Command::Standby).unwrap();
         radio.command(Command::Run(Demand::Throttle(Throttle::IDLE))).unwrap();
         assert_eq!(world.request(), None);
-        world.pass(0.2).await;
+        world.pass_s(0.2).await;
         assert!(world.texts().contains("no restart"), "{}", world.texts());
     });
 }
@@ -731,19 +731,19 @@ fn a_refused_start_does_not_disarm_what_another_source_has_armed() {
     run(async |world| {
         world.until("standby", 30, || world.telemetry(1).state == EngineState::Standby).await;
         world.until("learnt", 30, || world.service.borrow().system_id() == Some(SYSTEM)).await;
-        world.pass(4.0).await;
+        world.pass_s(4.0).await;
         let radio = world.node.owners()[1].source(Origin::Rc).unwrap();
         radio.command(Command::Arm).unwrap();
         radio.command(Command::Standby).unwrap();
         radio.command(Command::Run(Demand::Throttle(Throttle::IDLE))).unwrap();
-        world.pass(0.5).await;
+        world.pass_s(0.5).await;
         let (answer, texts) = world.control(1, &[1.0, 0.0, 0.0, 1.0]).await;
         assert_eq!(answer, NOT_NOW, "{texts}");
         assert!(world.telemetry(1).armed, "it was armed by radio control");
         assert!(matches!(world.telemetry(1).ordered.order, Order::Run(_)), "its start continues");
         // The control: an engine that MAVLink itself armed for a refused start is not armed afterwards.
         world.left.cut(true);
-        world.pass(0.5).await;
+        world.pass_s(0.5).await;
         let (answer, _) = world.control(0, &[1.0, 0.0, 0.0, 1.0]).await;
         assert_eq!(answer, NOT_NOW, "its ECU is not received");
         assert!(!world.telemetry(0).armed);

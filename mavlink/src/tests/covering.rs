@@ -107,16 +107,16 @@ fn what_acts_waits_until_its_stamp_is_stored_and_what_stops_or_reads_does_not() 
         let (mut store, ..) = load(Mock::new(&at_rest), &at_rest);
         save(world, &mut store);
         // The periodic one has covered some seconds.
-        world.pass(11.0).await;
+        world.pass_s(11.0).await;
         let at = world.frames.borrow().len();
         world.say(TO_GROUND, GROUND, &start(0));
-        world.pass(0.05).await;
+        world.pass_s(0.05).await;
         assert_eq!((answers(world, at).0.len(), world.telemetry(0).ordered.order), (0, Order::Standby));
         let stamp = world.stamp.get();
         // Other commands are obeyed meanwhile.
         assert_eq!(world.command(ENGINE[1], CMD_REQUEST_MESSAGE, &[225.0]).await.0, ACCEPTED);
         save(world, &mut store);
-        world.pass(0.1).await;
+        world.pass_s(0.1).await;
         assert_eq!(answers(world, at).0, [0, 0]);
         assert!(matches!(world.telemetry(0).ordered.order, Order::Run(_)));
         // The stamp in the store is ahead of it.
@@ -137,9 +137,9 @@ fn a_start_that_is_not_stored_within_300_ms_or_that_a_stop_follows_is_refused() 
         world.ready().await;
         let at = world.frames.borrow().len();
         world.say(TO_GROUND, GROUND, &start(0));
-        world.pass(0.25).await;
+        world.pass_s(0.25).await;
         assert_eq!(answers(world, at).0, []);
-        world.pass(0.15).await;
+        world.pass_s(0.15).await;
         let (acks, texts) = answers(world, at);
         assert!(
             acks == [Ack::TemporarilyRejected as u8] && texts.contains("being stored"),
@@ -148,14 +148,14 @@ fn a_start_that_is_not_stored_within_300_ms_or_that_a_stop_follows_is_refused() 
         // A later save has no effect on it.
         assert!(world.service.borrow_mut().next_save().is_some());
         world.service.borrow_mut().saved(Instant::now(), Ok(()));
-        world.pass(12.0).await;
+        world.pass_s(12.0).await;
         assert_eq!(world.telemetry(0).ordered.order, Order::Standby);
         let at = world.frames.borrow().len();
         world.say(TO_GROUND, GROUND, &start(0));
         world.say(TO_GROUND, GROUND, &stop(0));
         assert!(world.service.borrow_mut().next_save().is_some());
         world.service.borrow_mut().saved(Instant::now(), Ok(()));
-        world.pass(3.0).await;
+        world.pass_s(3.0).await;
         let (acks, texts) = answers(world, at);
         assert!(
             acks == [0, 1] && texts.contains("stopped since"),
@@ -178,11 +178,11 @@ fn a_stop_takes_back_only_what_waits_for_its_engine_and_a_cancel_only_if_it_is_a
         world.say(TO_GROUND, GROUND, &start(1));
         world.say(TO_GROUND, GROUND, &stop(1));
         saved();
-        world.pass(1.0).await;
+        world.pass_s(1.0).await;
         assert!(matches!(world.telemetry(0).ordered.order, Order::Run(_)), "its start was not stopped");
         assert_eq!(world.telemetry(1).ordered.order, Order::Standby);
         world.say(TO_GROUND, GROUND, &stop(0));
-        world.pass(1.0).await;
+        world.pass_s(1.0).await;
         world.cold(0).await;
         // A system that may not command may not stop, either.
         let nobody = Address { system: 9, ..GROUND };
@@ -191,11 +191,11 @@ fn a_stop_takes_back_only_what_waits_for_its_engine_and_a_cancel_only_if_it_is_a
             target_system: SYSTEM,
             target_component: ENGINE[0],
         };
-        world.pass(20.0).await;
+        world.pass_s(20.0).await;
         world.say(TO_GROUND, GROUND, &start(0));
         world.say(TO_GROUND, nobody, &cancel);
         saved();
-        world.pass(1.0).await;
+        world.pass_s(1.0).await;
         assert!(matches!(world.telemetry(0).ordered.order, Order::Run(_)), "a stranger's cancel counts");
     });
 }
@@ -214,7 +214,7 @@ fn a_store_that_fails_refuses_at_rest_and_does_not_keep_an_engine_from_a_relight
             let at = world.frames.borrow().len();
             world.say(TO_GROUND, GROUND, &start(0));
             fails(world, why);
-            world.pass(0.2).await;
+            world.pass_s(0.2).await;
             let (acks, texts) = answers(world, at);
             let text = if why == NotSaved::Full { "the storage is full" } else { "cannot be stored" };
             assert!(acks == [Ack::TemporarilyRejected as u8] && texts.contains(text), "{acks:?} {texts}");
@@ -229,7 +229,7 @@ fn a_store_that_fails_refuses_at_rest_and_does_not_keep_an_engine_from_a_relight
         let at = world.frames.borrow().len();
         world.say(TO_GROUND, GROUND, &start(1));
         fails(world, NotSaved::Full);
-        world.pass(0.2).await;
+        world.pass_s(0.2).await;
         let (acks, texts) = answers(world, at);
         assert!(acks == [0] && texts.contains("its time stamp is not stored"), "{acks:?} {texts}");
         world.until("the engine runs", 120, || world.telemetry(1).state == EngineState::Running).await;
@@ -249,9 +249,9 @@ fn stamps_are_stored_where_an_engine_stops_and_each_ten_minutes_at_rest() {
             stamps
         };
         assert_eq!(saves(world).len(), 1, "at the start");
-        world.pass(590.0).await;
+        world.pass_s(590.0).await;
         assert_eq!(saves(world).len(), 0);
-        world.pass(30.0).await;
+        world.pass_s(30.0).await;
         assert_eq!(saves(world).len(), 1, "after 10 min");
         world.say(TO_GROUND, GROUND, &start(0));
         world
@@ -260,18 +260,18 @@ fn stamps_are_stored_where_an_engine_stops_and_each_ten_minutes_at_rest() {
                 world.telemetry(0).state == EngineState::Running
             })
             .await;
-        world.pass(1300.0).await;
+        world.pass_s(1300.0).await;
         assert_eq!(saves(world).len(), 0, "not in flight");
         world.say(TO_GROUND, GROUND, &stop(0));
         let stopped = world.stamp.get();
         world.until("at rest", 600, || world.telemetry(0).state.is_stopped()).await;
-        world.pass(1.0).await;
+        world.pass_s(1.0).await;
         let stamps = saves(world);
         assert!(stamps.iter().any(|&stamp| stamp > stopped), "{stamps:?} {stopped}");
         // Without a key there is nothing to save.
         world.key_is_everywhere.set(false);
         world.service.borrow_mut().set_parameter_storage(ParameterStorage::Lost);
-        world.pass(700.0).await;
+        world.pass_s(700.0).await;
         assert_eq!(saves(world).len(), 0);
     });
 }
@@ -287,14 +287,14 @@ fn a_replay_after_a_loss_of_power_starts_nothing_and_a_new_start_does() {
         world.ready().await;
         let (mut store, ..) = load(Mock::new(&at_rest), &at_rest);
         save(world, &mut store);
-        world.pass(30.0).await;
+        world.pass_s(30.0).await;
         for frame in [world.frame(TO_GROUND, GROUND, &start(0)), world.frame(TO_GROUND, GROUND, &set(2000.0))]
         {
             world.say_bytes(TO_GROUND, &frame);
             recorded.push(frame);
         }
         save(world, &mut store);
-        world.pass(1.0).await;
+        world.pass_s(1.0).await;
         assert!(matches!(world.telemetry(0).ordered.order, Order::Run(_)), "it is a start");
         flash = Some(store.into_flash());
     });
@@ -314,7 +314,7 @@ fn a_replay_after_a_loss_of_power_starts_nothing_and_a_new_start_does() {
             for frame in &recorded {
                 world.say_bytes(TO_GROUND, frame);
             }
-            world.pass(2.0).await;
+            world.pass_s(2.0).await;
             assert!(!matches!(world.telemetry(0).ordered.order, Order::Run(_)));
             let value = world.service.borrow().engine_settings().next().unwrap().0.number("LOSS_HOLD");
             let now = world.service.borrow().counters();
@@ -374,7 +374,7 @@ fn after_a_power_cut_at_any_write_or_erase_no_stamp_goes_back_and_no_key_is_lost
                     world.say(TO_AUTOPILOT, GROUND, &set(value as f32));
                     let stamp = world.stamp.get();
                     save(world, &mut store);
-                    world.pass(0.01).await;
+                    world.pass_s(0.01).await;
                     save(world, &mut store);
                     let service = world.service.borrow();
                     if service.engine_settings().next().unwrap().0.number("LOSS_HOLD") == Some(value) {

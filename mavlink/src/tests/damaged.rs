@@ -124,9 +124,9 @@ fn a_person_at_the_board_sets_and_confirms() {
             assert!(answer == NOT_NOW && text.contains("being stored"), "once at a time: {answer:?} {text}");
             assert!(world.service.borrow().is_damaged() && !world.service.borrow().is_saved());
             assert!(world.control(0, &[1.0]).await.1.contains("damaged"));
-            world.pass(6.0).await;
+            world.pass_s(6.0).await;
             world.service.borrow_mut().rewritten(Instant::now(), result);
-            world.pass(0.2).await;
+            world.pass_s(0.2).await;
             assert!(world.service.borrow().is_saved());
             if result.is_err() {
                 assert!(world.texts().contains("settings not confirmed: it cannot be stored"));
@@ -149,7 +149,7 @@ fn a_stop_counts_though_the_id_of_the_vehicle_is_lost() {
         world.ready().await;
         world.start(1).await;
         world.lose_settings();
-        world.pass(3.0).await;
+        world.pass_s(3.0).await;
         assert_eq!(world.service.borrow().system_id(), None, "it is not learnt while an engine runs");
         // Not all components, and none of ours.
         for component in [0, 1, 99] {
@@ -157,7 +157,7 @@ fn a_stop_counts_though_the_id_of_the_vehicle_is_lost() {
             world.say(TO_AUTOPILOT, GROUND, &stop);
         }
         world.say(TO_AUTOPILOT, GROUND, &COMMAND_LONG_DATA { param1: 1.0, ..stop_of(0, SYSTEM) });
-        world.pass(2.0).await;
+        world.pass_s(2.0).await;
         assert!(matches!(world.telemetry(1).ordered.order, Order::Run(_)));
         assert_eq!(world.telemetry(0).ordered.order, Order::Standby, "and no start");
         let cancel = COMMAND_CANCEL_DATA {
@@ -180,12 +180,12 @@ fn a_running_engine_runs_on_at_the_fail_safe_throttle() {
         world.throttle(1500);
         world.until("half throttle", 20, || world.ordered(1) == Some(500)).await;
         world.service.borrow_mut().set_damaged(true);
-        world.pass(1.5).await;
+        world.pass_s(1.5).await;
         assert_eq!(world.ordered(1), Some(500), "held");
         world.until("idle", 10, || world.ordered(1) == Some(0)).await;
         world.throttle(1900);
         for _ in 0..120 {
-            world.pass(1.0).await;
+            world.pass_s(1.0).await;
             let telemetry = world.telemetry(1);
             assert_eq!((world.ordered(1), telemetry.state), (Some(0), EngineState::Running));
             assert_eq!(telemetry.loss, LossStage::FailSafe);
@@ -225,7 +225,7 @@ fn it_is_said_on_every_port_until_it_is_confirmed() {
         assert_eq!((said(world, 0).len(), shown(world)), (0, (0, false)));
         world.service.borrow_mut().set_damaged(true);
         let at = world.frames.borrow().len();
-        world.pass(25.0).await;
+        world.pass_s(25.0).await;
         let ports = said(world, at);
         for port in [TO_AUTOPILOT, TO_GROUND] {
             assert_eq!(ports.iter().filter(|&&other| other == port).count(), 3, "{ports:?}");
@@ -235,7 +235,7 @@ fn it_is_said_on_every_port_until_it_is_confirmed() {
         assert!(world.service.borrow_mut().take_rewrite());
         world.service.borrow_mut().rewritten(Instant::now(), Ok(()));
         let at = world.frames.borrow().len();
-        world.pass(25.0).await;
+        world.pass_s(25.0).await;
         assert_eq!((said(world, at).len(), shown(world)), (0, (0, false)));
     });
 }
@@ -268,7 +268,7 @@ fn settings_that_ram_has_retained_count_as_before() {
         let answer =
             world.command_from(TO_GROUND, stranger, (SYSTEM, NODE), CMD_USER_1, 0, EMERGENCY_STOP).await;
         assert_eq!(answer.0, DENIED, "who may command is known: {}", answer.1);
-        world.pass(10.0).await;
+        world.pass_s(10.0).await;
         world.start(0).await;
         assert!(world.texts().contains("stored settings DAMAGED: confirm"), "{}", world.texts());
         for engine in 0..2 {

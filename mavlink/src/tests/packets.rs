@@ -173,7 +173,7 @@ fn parameters(frames: &[Frame]) -> usize {
     frames.iter().filter(|frame| frame.id == PARAM_VALUE_DATA::ID).count()
 }
 
-fn pass(ms: u64) -> Timer {
+fn pass_ms(ms: u64) -> Timer {
     Timer::after(Duration::from_millis(ms))
 }
 
@@ -192,7 +192,7 @@ fn run(scenario: impl AsyncFnOnce(&Host, &TestRunner)) {
         runner.serve_packets(USB, &host.connection, From(&host), To(&host)),
     );
     clock::run(select(select(serve, host.run()), async {
-        pass(10).await;
+        pass_ms(10).await;
         scenario(&host, &runner).await;
     }));
 }
@@ -201,10 +201,10 @@ fn run(scenario: impl AsyncFnOnce(&Host, &TestRunner)) {
 fn nothing_is_sent_until_a_program_opens_the_port() {
     run(async |host, _| {
         host.reads.set(true);
-        pass(5000).await;
+        pass_ms(5000).await;
         assert_eq!(host.bytes(), 0);
         host.open();
-        pass(1100).await;
+        pass_ms(1100).await;
         let (frames, bad) = host.frames(0);
         assert!(!frames.is_empty() && bad == 0 && host.is_passed_on(), "{frames:?}");
         assert!(frames.iter().all(|frame| frame.id == MESSAGE_HEARTBEAT));
@@ -217,7 +217,7 @@ fn program_that_sets_no_dtr_is_answered() {
     run(async |host, _| {
         host.reads.set(true);
         host.request(0);
-        pass(50).await;
+        pass_ms(50).await;
         assert_eq!(parameters(&host.frames(0).0), 1);
     });
 }
@@ -229,14 +229,14 @@ fn full_packet_is_followed_by_another_one_even_an_empty_one() {
         let mut empty = 0;
         // Answers of two lengths in all combinations, waiting together.
         for (count, others) in (0..9).flat_map(|count| (0..9).map(move |others| (count, others))) {
-            pass(20).await;
+            pass_ms(20).await;
             host.packets.borrow_mut().clear();
             host.reads.set(false);
             (0..count).for_each(|index| host.request(index));
             (0..others).for_each(|_| host.command(CMD_REQUEST_MESSAGE, MESSAGE_HEARTBEAT, 0.0));
-            pass(20).await;
+            pass_ms(20).await;
             host.reads.set(true);
-            pass(20).await;
+            pass_ms(20).await;
             let (frames, bad) = host.frames(0);
             assert_eq!((parameters(&frames), bad), (count as usize, 0));
             assert!(host.is_passed_on(), "the host waits for more");
@@ -253,12 +253,12 @@ fn full_packet_is_followed_by_another_one_even_an_empty_one() {
 fn host_that_does_not_read_holds_up_nothing_and_is_answered_when_it_reads_again() {
     run(async |host, runner| {
         host.open();
-        pass(2000).await;
+        pass_ms(2000).await;
         host.reads.set(false);
         let (before, uart) = (host.packets.borrow().len(), host.uart.borrow().len());
         for _ in 0..60 {
             host.request(1);
-            pass(500).await;
+            pass_ms(500).await;
         }
         assert_eq!(host.packets.borrow().len(), before);
         // 30 s of heartbeats on the other port, whole.
@@ -267,9 +267,9 @@ fn host_that_does_not_read_holds_up_nothing_and_is_answered_when_it_reads_again(
         let counters = runner.port_counters(USB).unwrap();
         assert!(counters.answers_dropped > 20 && counters.received.frames == 60, "{counters:?}");
         host.reads.set(true);
-        pass(50).await;
+        pass_ms(50).await;
         host.request(2);
-        pass(50).await;
+        pass_ms(50).await;
         let (frames, bad) = host.frames(before);
         assert_eq!(bad, 0, "whole frames only");
         assert_eq!(frames.last().unwrap().id, PARAM_VALUE_DATA::ID);
@@ -294,29 +294,29 @@ fn new_opening_begins_clean() {
         run(async |host, runner| {
             host.open();
             host.command(CMD_SET_MESSAGE_INTERVAL, 999, 1e6);
-            pass(50).await;
-            // Half of a frame arrives; answers wait, as the host does not read.
+            pass_ms(50).await;
+            // Half of a frame comes; answers wait, as the host does not read.
             host.reads.set(false);
             for index in 0..20 {
                 host.request(index);
             }
             let whole = encode(GROUND, 0, &PARAM_REQUEST_READ_DATA::default());
             host.send(&whole[..whole.len() / 2]);
-            pass(50).await;
+            pass_ms(50).await;
             let taken = host.packets.borrow().len();
             end(host);
-            pass(50).await;
-            // The packet already in the chip is sent: no driver takes it back.
+            pass_ms(50).await;
+            // What is in the chip already goes out: one packet, as no driver takes it back.
             let in_chip = host.waits.borrow().clone().map_or(0, |packet| packet.len());
             assert!((1..=PACKET).contains(&in_chip));
             host.reads.set(true);
-            pass(3000).await;
+            pass_ms(3000).await;
             assert_eq!(host.packets.borrow().len(), taken + 1, "nothing while it is closed");
             host.connection.set_suspended(false);
             host.connection.set_configured(true);
             host.open();
             host.request(3);
-            pass(40).await;
+            pass_ms(40).await;
             let (frames, bad) = host.frames(taken + 1);
             assert_eq!((parameters(&frames), bad), (1, 0), "{frames:?}");
             let received = runner.port_counters(USB).unwrap().received;
@@ -331,12 +331,12 @@ fn list_of_an_earlier_opening_is_not_continued() {
         host.open();
         let list = crate::dialect::PARAM_REQUEST_LIST_DATA { target_system: 1, target_component: 25 };
         host.send(&encode(GROUND, 0, &list));
-        pass(200).await;
+        pass_ms(200).await;
         assert!(parameters(&host.frames(0).0) > 1);
         host.close();
         host.open();
         let taken = host.packets.borrow().len();
-        pass(1500).await;
+        pass_ms(1500).await;
         // One may be in the chip.
         assert!(parameters(&host.frames(taken).0) <= 1);
     });
@@ -346,7 +346,7 @@ fn list_of_an_earlier_opening_is_not_continued() {
 fn host_that_sends_without_a_pause_leaves_the_others_their_turn() {
     run(async |host, _| {
         host.open();
-        pass(500).await;
+        pass_ms(500).await;
         let (at, uart) = (Instant::now(), host.uart.borrow().len());
         let garbage = [0x55; PACKET];
         for _ in 0..20_000 {
@@ -355,10 +355,10 @@ fn host_that_sends_without_a_pause_leaves_the_others_their_turn() {
         host.command(CMD_REQUEST_MESSAGE, MESSAGE_HEARTBEAT, 0.0);
         // Everything arrives at once, as it takes no virtual time, yet others run in between.
         while !host.sends.borrow().is_empty() {
-            pass(1).await;
+            pass_ms(1).await;
             assert!(Instant::now() < at + Duration::from_secs(5), "the flood ends");
         }
-        pass(1100).await;
+        pass_ms(1100).await;
         assert!(host.uart.borrow().len() > uart, "the other port is served");
     });
 }

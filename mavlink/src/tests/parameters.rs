@@ -45,10 +45,10 @@ fn a_list_has_every_setting_once_at_twenty_a_second() {
         world.ready().await;
         let at = world.frames.borrow().len();
         list(world, 0);
-        world.pass(1.0).await;
+        world.pass_s(1.0).await;
         let first_second = listed(world, at).len();
         assert!((18..=21).contains(&first_second), "{first_second}");
-        world.pass(15.0).await;
+        world.pass_s(15.0).await;
         let listed = listed(world, at);
         let mut expected = Vec::new();
         let settings = *world.service.borrow().settings();
@@ -96,7 +96,7 @@ fn of_one_component_only_its_own_are_listed_and_of_a_strange_one_none() {
         for (component, some) in [(NODE, true), (ENGINE[1], true), (24, false), (28, false), (1, false)] {
             let at = world.frames.borrow().len();
             list(world, component);
-            world.pass(10.0).await;
+            world.pass_s(10.0).await;
             let listed = listed(world, at);
             assert_eq!(!listed.is_empty(), some, "{component}");
             assert!(listed.iter().all(|(from, ..)| *from == component));
@@ -115,7 +115,7 @@ fn a_setting_is_set_and_counts() {
         world.throttle(2000);
         world.until("full throttle", 15, || world.ordered(1) == Some(1000)).await;
         world.plane.alive.set(false);
-        world.pass(20.0).await;
+        world.pass_s(20.0).await;
         assert_eq!(world.ordered(1), Some(200));
         // Read by name and by index.
         for (name, index) in [("LOSS_THR", -1), ("", 0)] {
@@ -127,7 +127,7 @@ fn a_setting_is_set_and_counts() {
                 param_id: name.into(),
             };
             world.say(TO_AUTOPILOT, AUTOPILOT, &read);
-            world.pass(0.1).await;
+            world.pass_s(0.1).await;
             let listed = listed(world, at);
             assert_eq!(listed.len(), 1, "{listed:?}");
             assert!(index == 0 || listed[0].4 == 200.0, "{listed:?}");
@@ -163,7 +163,7 @@ fn a_refused_setting_echoes_the_old_value() {
             param_type: 9,
         };
         world.say(TO_GROUND, crate::frame::Address { system: 7, component: 1 }, &set);
-        world.pass(0.2).await;
+        world.pass_s(0.2).await;
         let service = world.service.borrow();
         let (config, _) = service.engine_settings().next().unwrap();
         assert_eq!(config.number("LOSS_THR"), Some(0));

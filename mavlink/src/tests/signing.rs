@@ -128,7 +128,7 @@ fn all_that_moves_an_engine_or_a_setting_has_to_be_signed() {
         world.ready().await;
         world.start(0).await;
         world.throttle(1500);
-        world.pass(15.0).await;
+        world.pass_s(15.0).await;
         let throttle = world.ordered(0).unwrap();
         assert!(throttle > 400, "{throttle}");
         let before = world.service.borrow().counters();
@@ -171,12 +171,12 @@ fn all_that_moves_an_engine_or_a_setting_has_to_be_signed() {
                 (0..3).for_each(|_| unsigned(port, &encode(from, 0, &disarmed)));
             }
         }
-        world.pass(0.3).await;
+        world.pass_s(0.3).await;
         let after = world.service.borrow().counters();
         assert_eq!(after.signing, SigningCounters { not_signed: sent, ..NOTHING });
         assert_eq!((after.commands, after.parameters_set), (before.commands, before.parameters_set));
         assert_eq!(after.demands_late, before.demands_late);
-        world.pass(5.0).await;
+        world.pass_s(5.0).await;
         assert_eq!(world.ordered(0), Some(throttle));
         // Signed, the same is obeyed.
         assert_eq!(world.set(ENGINE[0], "LOSS_THR", 30.0).await.0, Some(30.0));
@@ -196,17 +196,17 @@ fn an_autopilot_without_the_key_is_no_autopilot() {
         // It loses its key in flight: its source is lost, and the engine goes to the fail-safe throttle.
         world.start(0).await;
         world.throttle(1500);
-        world.pass(15.0).await;
+        world.pass_s(15.0).await;
         assert!(world.ordered(0).unwrap() > 400);
         let (with_key, demands) = (world.key.take(), world.service.borrow().counters().demands);
         // The node's frames are still signed.
         world.key_is_everywhere.set(false);
-        world.pass(10.0).await;
+        world.pass_s(10.0).await;
         assert_eq!(world.ordered(0), Some(0));
         let now = world.service.borrow().counters();
         assert!(now.demands == demands && now.signing.not_signed > 200, "{now:?}");
         world.key.set(with_key);
-        world.pass(15.0).await;
+        world.pass_s(15.0).await;
         assert!(world.ordered(0).unwrap() > 400);
     });
 }
@@ -224,7 +224,7 @@ fn a_ground_station_without_the_key_keeps_no_order_alive() {
         let before = lost(world);
         for _ in 0..20 {
             world.say_bytes(TO_GROUND, &encode(GROUND, 0, &beat));
-            world.pass(1.0).await;
+            world.pass_s(1.0).await;
         }
         assert_eq!(counted(world).not_signed, 20);
         assert!(lost(world) > before, "{}", world.texts());
@@ -249,7 +249,7 @@ fn a_clock_behind_and_a_seventeenth_sender_are_counted() {
     });
     let ahead = SigningState::new(key(), Stamp::new(SENDERS_STAMP + 7_000_000).unwrap());
     run_signed(NodeSettings::DEFAULT, ahead, PortConfig::network(), async |world| {
-        world.pass(30.0).await;
+        world.pass_s(30.0).await;
         assert!(counted(world).clocks_behind > 50, "{:?}", counted(world));
         assert_eq!(world.service.borrow().system_id(), None, "nobody is accepted");
     });
@@ -268,7 +268,7 @@ fn setup(secret_key: [u8; 32], target_component: u8) -> SETUP_SIGNING_DATA {
 async fn set_up(world: &World<'_>, port: usize, frame: &[u8]) -> (bool, String) {
     let before = world.texts().len();
     world.say_bytes(port, frame);
-    world.pass(0.2).await;
+    world.pass_s(0.2).await;
     let has = world.service.borrow().signing(embassy_time::Instant::now()).key().is_some();
     (has, world.texts().split_off(before))
 }
@@ -291,13 +291,13 @@ fn the_key_is_set_and_cleared_by_usb_with_all_engines_at_rest() {
         assert_eq!(counted(world), SigningCounters { setups_refused: 2, ..NOTHING });
         let (has, texts) = set_up(world, TO_GROUND, &bytes(SETUP)).await;
         assert!(has && texts.contains("signing key set"), "{texts}");
-        // The autopilot has no key yet; frames over USB need none, and the node signs from here on.
-        world.pass(5.0).await;
+        // The autopilot has no key yet; what comes over USB needs none, and what is sent is signed from here on.
+        world.pass_s(5.0).await;
         assert!(counted(world).not_signed > 50);
         let (answer, texts) = world.control(0, &[1.0]).await;
         assert!(answer == Some(1) && texts.contains("no throttle"), "{answer:?} {texts}");
         world.key.set(key());
-        world.pass(6.0).await;
+        world.pass_s(6.0).await;
         world.key_is_everywhere.set(true);
         world.ready().await;
         world.start(0).await;
@@ -309,7 +309,7 @@ fn the_key_is_set_and_cleared_by_usb_with_all_engines_at_rest() {
         let (has, texts) = set_up(world, TO_GROUND, &frame).await;
         assert!(!has && texts.contains("signing key cleared"), "{texts}");
         world.key.set(None);
-        world.pass(1.0).await;
+        world.pass_s(1.0).await;
         world.key_is_everywhere.set(true);
         world.ready().await;
         world.start(0).await;
@@ -366,7 +366,7 @@ fn what_was_ignored_is_shown_by_the_node() {
         }
         world.say_bytes(TO_GROUND, &bytes(START_WITH_ANOTHER_KEY));
         let at = world.frames.borrow().len();
-        world.pass(4.0).await;
+        world.pass_s(4.0).await;
         let expected = [("unsigned", 3.0), ("badsigned", 1.0)];
         assert_eq!(values(at), expected.map(|(name, count)| (String::from(name), count)).into());
     });
@@ -378,12 +378,12 @@ fn no_key_is_set_while_an_engine_is_not_seen_at_rest() {
     run(async |world| {
         world.ready().await;
         world.left.cut(true);
-        world.pass(3.0).await;
+        world.pass_s(3.0).await;
         world.key_is_everywhere.set(false);
         let (has, texts) = set_up(world, TO_GROUND, &bytes(SETUP)).await;
         assert!(!has && texts.contains("all engines must be repor"), "{texts}");
         world.left.cut(false);
-        world.pass(5.0).await;
+        world.pass_s(5.0).await;
         assert!(set_up(world, TO_GROUND, &bytes(SETUP)).await.0);
     });
 }
@@ -408,7 +408,7 @@ fn an_autopilot_with_a_clock_behind_is_followed_after_a_reset_of_the_node() {
         // Its earlier frames are still replays.
         let beat = HEARTBEAT_DATA { mavtype: 1, autopilot: 3, ..Default::default() };
         let old = world.frame(TO_AUTOPILOT, AUTOPILOT, &beat);
-        world.pass(2.0).await;
+        world.pass_s(2.0).await;
         world.restart_service();
         world.say_bytes(TO_AUTOPILOT, &old);
         assert_eq!(counted(world).replayed, 1);

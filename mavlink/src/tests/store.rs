@@ -566,7 +566,7 @@ fn a_setting_is_answered_when_it_is_stored_and_is_as_before_if_it_cannot_be() {
             assert_eq!(stored.number("LOSS_HOLD"), Some(new as i32));
             let at = world.frames.borrow().len();
             world.service.borrow_mut().saved(Instant::now(), result);
-            world.pass(0.2).await;
+            world.pass_s(0.2).await;
             let (echo, text) = world.answers(at);
             assert_eq!(echo, Some(value as f32));
             assert!(text.contains(why), "{text}");

@@ -25,9 +25,9 @@ const VALUES: fn(&MavMessage) -> bool = |message| matches!(message, MavMessage::
 #[test]
 fn nothing_is_sent_before_the_vehicle_is_known_and_heartbeats_after() {
     run(async |world| {
-        world.pass(4.0).await;
+        world.pass_s(4.0).await;
         assert_eq!(*world.bytes.borrow(), [0; 2], "an autopilot is received that is not learnt yet");
-        world.pass(20.0).await;
+        world.pass_s(20.0).await;
         for port in [TO_AUTOPILOT, TO_GROUND] {
             for component in [NODE, ENGINE[0], ENGINE[1]] {
                 let rate = rate(world, 10, port, component, BEAT);
@@ -49,7 +49,7 @@ fn nothing_is_sent_before_the_vehicle_is_known_and_heartbeats_after() {
 fn without_an_autopilot_the_ground_station_sees_system_1() {
     run(async |world| {
         world.plane.alive.set(false);
-        world.pass(10.0).await;
+        world.pass_s(10.0).await;
         let [to_autopilot, to_ground] = *world.bytes.borrow();
         assert!(to_autopilot == 0 && to_ground > 1000);
         assert!(world.frames.borrow().iter().all(|(.., frame)| frame.from.system == 1));
@@ -57,7 +57,7 @@ fn without_an_autopilot_the_ground_station_sees_system_1() {
     let identity = Identity { system: 42, ..Identity::DEFAULT };
     run_with(NodeSettings { identity, ..NodeSettings::DEFAULT }, async |world| {
         world.plane.alive.set(false);
-        world.pass(10.0).await;
+        world.pass_s(10.0).await;
         assert!(world.bytes.borrow().iter().all(|&bytes| bytes > 1000));
         assert!(world.frames.borrow().iter().all(|(.., frame)| frame.from.system == 42));
     });
@@ -67,7 +67,7 @@ fn without_an_autopilot_the_ground_station_sees_system_1() {
 fn the_autopilot_gets_one_engine_and_a_quarter_of_its_port_at_most() {
     run(async |world| {
         world.ready().await;
-        world.pass(10.0).await;
+        world.pass_s(10.0).await;
         assert!((3.9..=4.1).contains(&rate(world, 10, TO_AUTOPILOT, ENGINE[0], EFI)));
         assert_eq!(rate(world, 10, TO_AUTOPILOT, ENGINE[1], EFI), 0.0);
         let names = |component: u8| {
@@ -92,9 +92,9 @@ fn the_autopilot_gets_one_engine_and_a_quarter_of_its_port_at_most() {
         // Both engines, as often as the setting allows: the share holds.
         assert_eq!(world.set(NODE, "MAV_EFI_ENGINE", 255.0).await.0, Some(255.0));
         assert_eq!(world.set(NODE, "MAV_EFI_EVERY", 100.0).await.0, Some(100.0));
-        world.pass(5.0).await;
+        world.pass_s(5.0).await;
         let before = world.bytes.borrow()[TO_AUTOPILOT];
-        world.pass(60.0).await;
+        world.pass_s(60.0).await;
         let share = (world.bytes.borrow()[TO_AUTOPILOT] - before) as f64 / 60.0 / 5760.0;
         assert!((0.2..0.255).contains(&share), "{share}");
         let efi = ENGINE.map(|component| rate(world, 60, TO_AUTOPILOT, component, EFI));
@@ -112,7 +112,7 @@ fn rates_are_per_port_and_a_message_comes_on_request() {
         world.ready().await;
         let interval = [225.0, 500_000.0];
         assert_eq!(world.command(ENGINE[1], CMD_SET_MESSAGE_INTERVAL, &interval).await.0, Some(0));
-        world.pass(20.0).await;
+        world.pass_s(20.0).await;
         assert!((1.9..=2.1).contains(&rate(world, 10, TO_GROUND, ENGINE[1], EFI)));
         assert!((3.9..=4.1).contains(&rate(world, 10, TO_AUTOPILOT, ENGINE[0], EFI)));
         for (params, answer) in [
@@ -125,7 +125,7 @@ fn rates_are_per_port_and_a_message_comes_on_request() {
             let answered = world.command(ENGINE[1], CMD_SET_MESSAGE_INTERVAL, params).await.0;
             assert_eq!(answered, Some(answer), "{params:?}");
         }
-        world.pass(3.0).await;
+        world.pass_s(3.0).await;
         let quiet = |what| rate(world, 2, TO_GROUND, ENGINE[1], what) == 0.0;
         assert!(quiet(EFI) && quiet(VALUES));
         assert_eq!(world.command(ENGINE[1], CMD_REQUEST_MESSAGE, &[225.0]).await.0, Some(0));
@@ -140,7 +140,7 @@ fn efi_status_is_what_the_engine_reports_and_never_a_number_that_cannot_be_cast(
         world.ready().await;
         world.start(1).await;
         world.throttle(1700);
-        world.pass(20.0).await;
+        world.pass_s(20.0).await;
         let frames = world.frames.borrow();
         let of = |component: u8| {
             frames.iter().filter_map(move |(_, _, frame)| match frame.message() {
@@ -179,7 +179,7 @@ fn the_state_of_an_engine_is_in_its_heartbeat_and_its_texts() {
     run(async |world| {
         world.ready().await;
         world.start(1).await;
-        world.pass(2.0).await;
+        world.pass_s(2.0).await;
         let mut states = Vec::new();
         for (_, port, frame) in &*world.frames.borrow() {
             if let (TO_GROUND, MavMessage::HEARTBEAT(beat)) = (*port, &frame.message())

@@ -19,12 +19,12 @@ fn arming_and_the_stream_start_nothing() {
         world.ready().await;
         for pulse in [1000, 1100, 1500, 1900, 1100] {
             world.throttle(pulse);
-            world.pass(10.0).await;
+            world.pass_s(10.0).await;
         }
         world.plane.armed.set(false);
-        world.pass(5.0).await;
+        world.pass_s(5.0).await;
         world.plane.armed.set(true);
-        world.pass(10.0).await;
+        world.pass_s(10.0).await;
         assert!((0..2).all(|engine| world.telemetry(engine).state == EngineState::Standby));
         assert!((0..2).all(|engine| world.ordered(engine).is_none()));
     });
@@ -39,18 +39,18 @@ fn a_start_runs_at_idle_and_then_follows_the_throttle() {
             world.throttle(1500);
             while world.telemetry(engine).state != EngineState::Running {
                 assert!(matches!(world.ordered(engine), None | Some(0)), "idle during the start");
-                world.pass(0.1).await;
+                world.pass_s(0.1).await;
             }
             world.rises_to(engine, 500).await;
             world.throttle(IDLE_US);
             world.until("idle", 10, || world.ordered(engine) == Some(0)).await;
-            world.pass(12.0).await;
+            world.pass_s(12.0).await;
         }
         // Pulse widths that are not accepted count as silence: the last demand is held, then the fail-safe throttle follows.
         world.throttle(1700);
         world.until("both", 10, || (0..2).all(|engine| world.ordered(engine) == Some(750))).await;
         world.throttle(0);
-        world.pass(1.5).await;
+        world.pass_s(1.5).await;
         assert_eq!(world.telemetry(0).loss, LossStage::Hold);
         world.until("fail-safe throttle", 10, || (0..2).all(|engine| world.ordered(engine) == Some(0))).await;
         assert_eq!(world.telemetry(0).loss, LossStage::FailSafe);
@@ -68,7 +68,7 @@ fn disarmed_holds_at_idle_and_does_not_stop() {
         world.until("half throttle", 10, || world.ordered(1) == Some(500)).await;
         world.plane.armed.set(false);
         world.until("idle", 10, || world.ordered(1) == Some(0)).await;
-        world.pass(60.0).await;
+        world.pass_s(60.0).await;
         assert_eq!((world.telemetry(1).state, world.ordered(1)), (EngineState::Running, Some(0)));
         world.plane.armed.set(true);
         world.rises_to(1, 500).await;
@@ -83,12 +83,12 @@ fn standby_after_a_time_disarmed_is_a_setting() {
         assert_eq!(echo, Some(20_000.0), "{texts}");
         world.start(1).await;
         world.plane.armed.set(false);
-        world.pass(19.0).await;
+        world.pass_s(19.0).await;
         assert_eq!(world.telemetry(1).state, EngineState::Running);
         world.until("standby", 5, || world.ordered(1).is_none()).await;
         // Armed again, it does not run again.
         world.plane.armed.set(true);
-        world.pass(30.0).await;
+        world.pass_s(30.0).await;
         assert_eq!(world.ordered(1), None);
     });
 }
@@ -101,17 +101,17 @@ fn a_dead_autopilot_leads_to_the_stages_of_loss_and_its_return_is_no_jump() {
         world.throttle(1900);
         world.until("full throttle", 15, || world.ordered(1) == Some(1000)).await;
         world.plane.alive.set(false);
-        world.pass(1.5).await;
+        world.pass_s(1.5).await;
         assert_eq!((world.telemetry(1).loss, world.ordered(1)), (LossStage::Hold, Some(1000)));
         world.until("fail-safe throttle", 10, || world.ordered(1) == Some(0)).await;
-        world.pass(30.0).await;
+        world.pass_s(30.0).await;
         // It restarts: disarmed, its clock at 0, its throttle at full.
         world.plane.armed.set(false);
         world.plane.booted.set(Instant::now());
         world.plane.alive.set(true);
         let mut last = 0;
         for _ in 0..200 {
-            world.pass(0.1).await;
+            world.pass_s(0.1).await;
             let ordered = world.ordered(1).unwrap();
             assert!(ordered <= last + 60, "from {last} to {ordered}");
             last = ordered;
@@ -130,9 +130,9 @@ fn a_dead_autopilot_leads_to_the_stages_of_loss_and_its_return_is_no_jump() {
 /// The autopilot fails 4 s after its start, and returns with a clock that is past its old one, but 5 s late.
 async fn restarts_early(world: &World<'_>) {
     world.plane.booted.set(Instant::now());
-    world.pass(4.0).await;
+    world.pass_s(4.0).await;
     world.plane.alive.set(false);
-    world.pass(5.0).await;
+    world.pass_s(5.0).await;
     world.plane.booted.set(world.plane.booted.get() + Duration::from_secs(5));
     world.plane.alive.set(true);
 }
@@ -142,11 +142,11 @@ fn an_autopilot_that_restarts_in_its_first_seconds_is_followed_again() {
     run(async |world| {
         world.ready().await;
         world.plane.armed.set(false);
-        world.pass(3.0).await;
+        world.pass_s(3.0).await;
         restarts_early(world).await;
-        world.pass(6.0).await;
+        world.pass_s(6.0).await;
         world.plane.armed.set(true);
-        world.pass(3.0).await;
+        world.pass_s(3.0).await;
         world.start(1).await;
         world.throttle(1500);
         world.until("half throttle", 10, || world.ordered(1) == Some(500)).await;
@@ -161,7 +161,7 @@ fn a_stream_of_an_armed_vehicle_that_comes_late_from_a_gap_on_is_lost() {
         world.start(1).await;
         world.throttle(1500);
         restarts_early(world).await;
-        world.pass(30.0).await;
+        world.pass_s(30.0).await;
         assert_eq!((world.telemetry(1).loss, world.ordered(1)), (LossStage::FailSafe, Some(0)));
     });
 }
@@ -171,7 +171,7 @@ fn other_vehicles_and_other_ports_move_nothing() {
     run(async |world| {
         world.ready().await;
         world.start(1).await;
-        world.pass(3.0).await;
+        world.pass_s(3.0).await;
         let time = |us: u32| (Instant::now() - world.plane.booted.get()).as_micros() as u32 + us;
         for i in 0..100 {
             let full = outputs(time(i), [1900; 16]);
@@ -183,12 +183,12 @@ fn other_vehicles_and_other_ports_move_nothing() {
             ] {
                 world.say(port, Address { system, component }, &full);
             }
-            world.pass(0.02).await;
+            world.pass_s(0.02).await;
             assert_eq!(world.ordered(1), Some(0));
         }
         // The same frame of our own autopilot counts.
         world.throttle(1900);
-        world.pass(0.2).await;
+        world.pass_s(0.2).await;
         assert!(world.ordered(1) > Some(0));
     });
 }
@@ -206,7 +206,7 @@ fn rc_override_is_a_throttle_only_where_it_is_chosen() {
         let send = async |from: Address, component: u8, pulse: u16| {
             for _ in 0..30 {
                 world.say(TO_GROUND, from, &channels(component, pulse));
-                world.pass(0.1).await;
+                world.pass_s(0.1).await;
             }
         };
         world.start(1).await;
@@ -235,16 +235,16 @@ fn a_relight_with_the_throttle_up_is_a_setting() {
     run(async |world| {
         world.ready().await;
         world.throttle(1500);
-        world.pass(1.0).await;
+        world.pass_s(1.0).await;
         let (answer, text) = world.control(1, &[1.0]).await;
         assert_eq!(answer, Some(1));
         assert!(text.contains("throttle to idle first"), "{text}");
         assert_eq!(world.set(ENGINE[1], "MAV_RELIGHT", 1.0).await.0, Some(1.0));
-        world.pass(6.0).await;
+        world.pass_s(6.0).await;
         assert_eq!(world.control(1, &[1.0]).await.0, Some(0));
         while world.telemetry(1).state != EngineState::Running {
             assert!(matches!(world.ordered(1), None | Some(0)), "idle during the start");
-            world.pass(0.1).await;
+            world.pass_s(0.1).await;
         }
         world.rises_to(1, 500).await;
     });
@@ -257,7 +257,7 @@ fn an_id_that_changes_in_flight_is_a_lost_source() {
         world.start(1).await;
         world.plane.system.set(9);
         world.throttle(1900);
-        world.pass(20.0).await;
+        world.pass_s(20.0).await;
         assert_eq!((world.telemetry(1).loss, world.ordered(1)), (LossStage::FailSafe, Some(0)));
         assert_eq!(world.service.borrow().system_id(), Some(SYSTEM));
     });
@@ -273,13 +273,13 @@ fn slow_streams_go_through_the_stages_of_loss_as_gaps_do() {
         world.until("half throttle", 10, || world.ordered(1) == Some(500)).await;
         world.plane.every.set(Some(Duration::from_millis(290)));
         for _ in 0..200 {
-            world.pass(0.1).await;
+            world.pass_s(0.1).await;
             assert_eq!((world.telemetry(1).loss, world.ordered(1)), (LossStage::None, Some(500)));
         }
         world.plane.every.set(Some(Duration::from_millis(2100)));
         let (mut lost, mut lowest) = (false, 1000);
         for _ in 0..400 {
-            world.pass(0.1).await;
+            world.pass_s(0.1).await;
             lost |= world.telemetry(1).loss != LossStage::None;
             lowest = lowest.min(world.ordered(1).unwrap());
         }
@@ -302,14 +302,14 @@ fn a_vehicle_that_was_learnt_is_known_at_once_after_a_reset_in_flight() {
         let (answer, texts) = world.command(ENGINE[1], CMD_USER_1, &[1.0, 21196.0]).await;
         assert_eq!(answer, Some(0), "an emergency stop: {texts}");
         assert!(world.telemetry(1).stop_latched);
-        // Another vehicle is accepted from the node's next start, and not while ours is received.
-        world.pass(40.0).await;
+        // Another vehicle is accepted from the node's next start, and not while ours is there.
+        world.pass_s(40.0).await;
         let (answer, _) = world.command(ENGINE[1], CMD_USER_1, &[2.0, 21196.0]).await;
         assert_eq!(answer, Some(0));
         world.cold(1).await;
         assert_eq!(world.service.borrow().settings().identity.learnt, SYSTEM);
         world.plane.system.set(SYSTEM + 1);
-        world.pass(30.0).await;
+        world.pass_s(30.0).await;
         assert_eq!(world.service.borrow().system_id(), Some(SYSTEM));
         assert_eq!(world.service.borrow().settings().identity.learnt, SYSTEM + 1);
         assert!(world.texts().contains("autopilot is system 4 from the next start"));
@@ -335,11 +335,11 @@ fn px4_sends_the_outputs_of_each_instance_and_the_engine_follows_its_own() {
         world.throttle(1900);
         world.plane.outputs.set([1900; 16]);
         world.start(1).await;
-        world.pass(5.0).await;
+        world.pass_s(5.0).await;
         assert_eq!(world.ordered(1), Some(0), "the first instance moves it");
         second(1500);
         world.until("it follows", 2, || world.ordered(1) == Some(500)).await;
-        world.pass(5.0).await;
+        world.pass_s(5.0).await;
         assert_eq!(world.telemetry(1).loss, LossStage::None, "ten frames a second are enough");
         // PX4 sends 0 for an output that is off, and its frames continue.
         second(0);
@@ -366,7 +366,7 @@ fn of_two_autopilots_none_is_learnt_and_a_text_says_so() {
         run(async |world| {
             let other = Address { system: SYSTEM + 1, component: 1 };
             for _ in 0..20 {
-                world.pass(1.0).await;
+                world.pass_s(1.0).await;
                 let beat = HEARTBEAT_DATA { mavtype: 1, autopilot: 3, ..Default::default() };
                 if two {
                     world.say(TO_AUTOPILOT, other, &beat);
@@ -405,7 +405,7 @@ fn a_vehicle_that_is_received_beside_ours_is_not_learnt() {
         world.ready().await;
         let other = Address { system: SYSTEM + 1, component: 1 };
         for _ in 0..30 {
-            world.pass(1.0).await;
+            world.pass_s(1.0).await;
             let beat = HEARTBEAT_DATA { mavtype: 1, autopilot: 3, ..Default::default() };
             world.say(TO_AUTOPILOT, other, &beat);
         }
@@ -426,7 +426,7 @@ fn disarmed_without_a_stream_the_engine_idles_and_does_not_go_to_its_fail_safe_t
         world.until("fail-safe", 30, || world.ordered(1) == Some(400)).await;
         world.plane.armed.set(false);
         world.until("disarmed is idle", 30, || world.ordered(1) == Some(0)).await;
-        world.pass(60.0).await;
+        world.pass_s(60.0).await;
         assert_eq!(world.ordered(1), Some(0));
         assert_eq!(world.telemetry(1).state, EngineState::Running);
         // Armed again, the stream moves it as before.
@@ -442,13 +442,13 @@ fn disarmed_holds_at_idle_over_a_restart_of_the_node() {
         world.ready().await;
         world.start(1).await;
         world.plane.armed.set(false);
-        world.pass(5.0).await;
+        world.pass_s(5.0).await;
         world.throttle(1700);
-        world.pass(5.0).await;
+        world.pass_s(5.0).await;
         assert_eq!(world.ordered(1), Some(0));
         world.restart_service();
         for _ in 0..100 {
-            world.pass(0.05).await;
+            world.pass_s(0.05).await;
             assert_eq!(world.ordered(1), Some(0));
         }
     });
@@ -468,7 +468,7 @@ fn an_engine_in_flight_keeps_its_throttle_over_a_restart_of_the_node() {
             world.restart_service();
             world.throttle(1700);
             for _ in 0..20 {
-                world.pass(0.05).await;
+                world.pass_s(0.05).await;
                 assert_eq!(world.ordered(1), Some(500), "held until it is known");
             }
             world.until("75 %", 5, || world.ordered(1) == Some(750)).await;
@@ -484,13 +484,13 @@ fn a_vehicle_that_disarms_while_the_node_restarts_disarms_its_engines() {
         assert!((0..2).all(|engine| world.telemetry(engine).armed));
         world.plane.armed.set(false);
         world.restart_service();
-        world.pass(10.0).await;
+        world.pass_s(10.0).await;
         assert!((0..2).all(|engine| !world.telemetry(engine).armed));
         // The control: an engine armed by another source stays armed.
         let radio = world.node.owners()[1].source(Origin::Rc).unwrap();
         radio.command(Command::Arm).unwrap();
         world.restart_service();
-        world.pass(10.0).await;
+        world.pass_s(10.0).await;
         assert!(world.telemetry(1).armed);
     });
 }
@@ -501,10 +501,10 @@ fn a_vehicle_that_disarms_while_the_node_restarts_ends_a_start() {
         run(async |world| {
             world.ready().await;
             assert_eq!(world.control(1, &[1.0]).await.0, Some(0));
-            world.pass(0.5).await;
+            world.pass_s(0.5).await;
             world.plane.armed.set(!disarms);
             world.restart_service();
-            world.pass(10.0).await;
+            world.pass_s(10.0).await;
             assert_eq!(world.ordered(1).is_none(), disarms);
         });
     }
@@ -516,9 +516,9 @@ fn an_engine_that_is_found_running_without_memory_follows_the_stream_once_armed(
     run_beside_a_running_engine(async |world| {
         world.until("found", 60, || world.ordered(1).is_some()).await;
         assert_eq!(world.telemetry(1).active_source, Origin::Node);
-        world.pass(10.0).await;
+        world.pass_s(10.0).await;
         world.throttle(1500);
-        world.pass(20.0).await;
+        world.pass_s(20.0).await;
         assert_ne!(world.ordered(1), Some(500), "not before the vehicle is armed");
         world.plane.armed.set(true);
         world.until("it follows the stream", 60, || world.ordered(1) == Some(500)).await;
@@ -539,13 +539,13 @@ fn an_engine_that_another_source_has_flown_is_not_taken_over_after_a_gap() {
                     if by_radio {
                         let _ = radio.command(Command::Run(Demand::Throttle(Throttle::IDLE)));
                     }
-                    world.pass(0.1).await;
+                    world.pass_s(0.1).await;
                 }
             };
             if by_radio {
                 for _ in 0..30 {
                     radio.command(Command::Standby).unwrap();
-                    world.pass(0.1).await;
+                    world.pass_s(0.1).await;
                 }
                 let mut seconds = 0;
                 while world.telemetry(0).state != EngineState::Running {
@@ -563,7 +563,7 @@ fn an_engine_that_another_source_has_flown_is_not_taken_over_after_a_gap() {
             world.left.cut(false);
             world.throttle(1500);
             world.until("found", 10, || world.ordered(0).is_some()).await;
-            world.pass(30.0).await;
+            world.pass_s(30.0).await;
             assert_eq!(world.ordered(0) == Some(500), !by_radio, "{:?}", world.telemetry(0).ordered);
         });
     }

@@ -26,7 +26,7 @@ async fn listed(world: &World<'_>) -> Vec<(String, f32)> {
     let at = world.frames.borrow().len();
     let request = PARAM_REQUEST_LIST_DATA { target_system: SYSTEM, target_component: NODE };
     world.say(TO_GROUND, GROUND, &request);
-    world.pass(5.0).await;
+    world.pass_s(5.0).await;
     let frames = world.frames.borrow();
     let mut listed = Vec::new();
     for (_, port, frame) in frames.iter().skip(at) {
@@ -200,7 +200,7 @@ fn wiring_is_stored_with_the_node_and_is_as_before_if_it_cannot_be() {
             assert_eq!((key, read(&stored).1[1].port, read(&stored).1[0]), (0, new as u8, IMAGE[0]));
             let at = world.frames.borrow().len();
             world.service.borrow_mut().saved(Instant::now(), result);
-            world.pass(0.2).await;
+            world.pass_s(0.2).await;
             assert_eq!(world.answers(at).0, Some(stays));
         }
     });
@@ -214,7 +214,7 @@ fn wiring_that_contradicts_itself_is_said_on_every_port_and_engines_start_all_th
         assert!(stored[1].change("E1_PORT", 0));
         world.service.borrow_mut().set_wiring(&stored, &IMAGE, Some((1, Contradiction::SamePort)));
         let at = world.frames.borrow().len();
-        world.pass(25.0).await;
+        world.pass_s(25.0).await;
         for port in [TO_AUTOPILOT, TO_GROUND] {
             let frames = world.frames.borrow();
             let texts = frames.iter().skip(at).filter_map(|(_, to, frame)| match &frame.message() {
@@ -240,7 +240,7 @@ fn wiring_that_contradicts_itself_is_said_on_every_port_and_engines_start_all_th
         world.start(0).await;
         let at = world.frames.borrow().len();
         world.service.borrow_mut().set_wiring(&IMAGE, &IMAGE, None);
-        world.pass(25.0).await;
+        world.pass_s(25.0).await;
         let frames = world.frames.borrow();
         let said = frames.iter().skip(at).any(|(_, _, frame)| {
             matches!(&frame.message(), MavMessage::STATUSTEXT(text) if text.text.to_str().unwrap().contains("wiring"))

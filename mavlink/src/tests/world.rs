@@ -133,7 +133,7 @@ impl World<'_> {
         state_number(self.telemetry(engine).state)
     }
 
-    pub async fn pass(&self, seconds: f64) {
+    pub async fn pass_s(&self, seconds: f64) {
         Timer::after(Duration::from_micros((seconds * 1e6) as u64)).await;
     }
 
@@ -191,7 +191,7 @@ impl World<'_> {
     ) -> (Option<u8>, String) {
         let at = self.frames.borrow().len();
         self.say_bytes(port, frame);
-        self.pass(0.2).await;
+        self.pass_s(0.2).await;
         let frames = self.frames.borrow();
         let mut texts = String::new();
         let mut result = None;
@@ -230,7 +230,7 @@ impl World<'_> {
             param_type: PARAM_REAL32,
         };
         self.say(TO_GROUND, GROUND, &message);
-        self.pass(0.2).await;
+        self.pass_s(0.2).await;
         self.answers(at)
     }
 
@@ -303,7 +303,7 @@ impl World<'_> {
         })
         .await;
         self.until("armed", 30, || (0..2).all(|engine| self.telemetry(engine).armed)).await;
-        self.pass(2.0).await;
+        self.pass_s(2.0).await;
     }
 
     /// Starts an engine and waits until it runs.
@@ -325,7 +325,7 @@ impl World<'_> {
                 since = Instant::now();
             }
             assert!(Instant::now() < begin + Duration::from_secs(600), "never cold");
-            self.pass(0.1).await;
+            self.pass_s(0.1).await;
         }
     }
 
@@ -346,7 +346,7 @@ impl World<'_> {
         let mut before = self.ordered(engine).unwrap();
         let end = Instant::now() + Duration::from_secs(15);
         while before != throttle {
-            self.pass(0.02).await;
+            self.pass_s(0.02).await;
             let ordered = self.ordered(engine).unwrap();
             assert!(ordered <= before + 30, "from {before} to {ordered} in 20 ms");
             assert!(Instant::now() < end, "{before} and not {throttle}");

@@ -38,11 +38,11 @@ fn position_at_power_up_starts_nothing() {
                 run(kind, async |world| {
                     world.radio.switch.set(switch);
                     world.radio.stick.set(stick);
-                    world.pass(20.0).await;
+                    world.pass_s(20.0).await;
                     world.radio.stick.set(IDLE);
-                    world.pass(5.0).await;
+                    world.pass_s(5.0).await;
                     world.radio.stick.set(1900);
-                    world.pass(5.0).await;
+                    world.pass_s(5.0).await;
                     assert_eq!(world.ignitions(), 0);
                     assert!(!world.telemetry().armed && world.ordered().is_none());
                     assert_eq!(world.telemetry().stop_latched, switch == STOP);
@@ -59,24 +59,24 @@ fn move_from_standby_to_run_starts_only_with_the_stick_at_idle_and_steady() {
         world.arm().await;
         for stick in [1500, 1900, 1140] {
             world.radio.stick.set(stick);
-            world.pass(2.0).await;
+            world.pass_s(2.0).await;
             world.switch(RUN).await;
             assert!(world.outcomes.borrow().iter().any(|(_, o)| *o == Outcome::NotSteady), "{stick}");
-            world.pass(3.0).await;
-            // Bringing the stick to idle afterwards does not start it.
+            world.pass_s(3.0).await;
+            // Bringing the stick to idle afterwards is no start.
             world.radio.stick.set(IDLE);
-            world.pass(3.0).await;
+            world.pass_s(3.0).await;
             assert_eq!((world.ignitions(), world.ordered()), (0, None), "{stick}");
             world.switch(STANDBY).await;
             world.outcomes.borrow_mut().clear();
         }
         // Moved down 0.2 s before the switch: not steady.
         world.radio.stick.set(1500);
-        world.pass(1.0).await;
+        world.pass_s(1.0).await;
         world.radio.stick.set(IDLE);
-        world.pass(0.2).await;
+        world.pass_s(0.2).await;
         world.switch(RUN).await;
-        world.pass(3.0).await;
+        world.pass_s(3.0).await;
         assert_eq!(world.ordered(), None);
         assert!(world.pilot.borrow().counters().starts_refused >= 4);
         world.switch(STANDBY).await;
@@ -91,13 +91,13 @@ fn move_right_behind_a_gap_starts_nothing() {
     for (after, starts) in [(0.55, false), (1.1, true)] {
         each(async |world| {
             world.arm().await;
-            world.pass(15.0).await;
+            world.pass_s(15.0).await;
             world.radio.on.set(false);
-            world.pass(1.0).await;
+            world.pass_s(1.0).await;
             world.radio.on.set(true);
-            world.pass(after).await;
+            world.pass_s(after).await;
             world.switch(RUN).await;
-            world.pass(2.0).await;
+            world.pass_s(2.0).await;
             assert_eq!(world.ordered(), starts.then_some(0), "{after} s");
         });
     }
@@ -109,20 +109,20 @@ fn receiver_plugged_in_with_full_throttle_neither_starts_nor_jumps() {
         world.radio.plugged.set(false);
         world.radio.switch.set(RUN);
         world.radio.stick.set(1900);
-        world.pass(30.0).await;
+        world.pass_s(30.0).await;
         world.radio.plugged.set(true);
-        world.pass(30.0).await;
+        world.pass_s(30.0).await;
         assert_eq!((world.ignitions(), world.ordered()), (0, None));
         // The same in flight.
         world.start().await;
         world.radio.stick.set(1300);
         world.until("25 %", 5, || world.ordered() == Some(250)).await;
         world.radio.plugged.set(false);
-        world.pass(1.2).await;
+        world.pass_s(1.2).await;
         assert_eq!((world.telemetry().loss, world.ordered()), (LossStage::Hold, Some(250)));
         world.until("fail-safe throttle", 10, || world.ordered() == Some(0)).await;
         world.radio.stick.set(1900);
-        world.pass(20.0).await;
+        world.pass_s(20.0).await;
         assert_eq!((world.telemetry().loss, world.state()), (LossStage::FailSafe, EngineState::Running));
         world.radio.plugged.set(true);
         world.rises_to(1000).await;
@@ -144,7 +144,7 @@ fn transmitter_that_is_off_is_silence() {
         let after = Instant::now() - off;
         assert!(after >= Duration::from_millis(480) && after < Duration::from_millis(560), "{after:?}");
         world.until("fail-safe throttle", 10, || world.ordered() == Some(0)).await;
-        world.pass(60.0).await;
+        world.pass_s(60.0).await;
         assert_eq!(world.state(), EngineState::Running, "at idle until its fuel is used up");
         world.radio.switch.set(RUN);
         world.radio.on.set(true);
@@ -158,10 +158,10 @@ fn positions_found_after_a_gap_shut_nothing_down_but_stop_does() {
     each(async |world| {
         world.start().await;
         world.radio.on.set(false);
-        world.pass(3.0).await;
+        world.pass_s(3.0).await;
         world.radio.switch.set(STANDBY);
         world.radio.on.set(true);
-        world.pass(5.0).await;
+        world.pass_s(5.0).await;
         assert_eq!(world.commanded(), Some(Command::Present));
         assert_eq!((world.state(), world.ordered()), (EngineState::Running, Some(0)));
         // The pilot moves it, and it is accepted.
@@ -170,27 +170,27 @@ fn positions_found_after_a_gap_shut_nothing_down_but_stop_does() {
         world.until("half throttle", 5, || world.ordered() == Some(500)).await;
         // Stop for 0.2 s after a gap, as a starting receiver may send it: no stop.
         world.radio.on.set(false);
-        world.pass(1.0).await;
+        world.pass_s(1.0).await;
         world.radio.switch.set(STOP);
         world.radio.on.set(true);
-        world.pass(0.25).await;
+        world.pass_s(0.25).await;
         world.radio.switch.set(RUN);
-        world.pass(5.0).await;
+        world.pass_s(5.0).await;
         assert_eq!((world.state(), world.ordered()), (EngineState::Running, Some(500)));
         // Nor twice, with a gap between.
         for _ in 0..2 {
             world.radio.on.set(false);
-            world.pass(1.0).await;
+            world.pass_s(1.0).await;
             world.radio.switch.set(STOP);
             world.radio.on.set(true);
-            world.pass(0.25).await;
+            world.pass_s(0.25).await;
         }
         world.radio.switch.set(RUN);
-        world.pass(2.0).await;
+        world.pass_s(2.0).await;
         assert!(!world.telemetry().stop_latched);
         // Held, it is a stop.
         world.radio.on.set(false);
-        world.pass(1.0).await;
+        world.pass_s(1.0).await;
         world.radio.switch.set(STOP);
         world.radio.on.set(true);
         world.until("stop", 1, || world.telemetry().stop_latched).await;
@@ -206,12 +206,12 @@ fn standby_counts_once_it_has_been_held_for_60_ms() {
         world.until("half throttle", 5, || world.ordered() == Some(500)).await;
         // The median of three adds a frame at the beginning, and one at the end.
         world.radio.switch.set(STANDBY);
-        world.pass(0.05).await;
+        world.pass_s(0.05).await;
         world.radio.switch.set(RUN);
-        world.pass(1.0).await;
+        world.pass_s(1.0).await;
         assert_eq!((world.state(), world.ordered()), (EngineState::Running, Some(500)));
         world.radio.switch.set(STANDBY);
-        world.pass(0.15).await;
+        world.pass_s(0.15).await;
         assert_eq!(world.telemetry().ordered.order, Order::Standby);
     });
 }
@@ -224,14 +224,14 @@ fn standby_found_after_a_gap_releases_and_arms_nothing() {
         world.switch(STOP).await;
         assert!(world.telemetry().stop_latched && !world.telemetry().armed);
         world.radio.on.set(false);
-        world.pass(1.0).await;
+        world.pass_s(1.0).await;
         world.radio.switch.set(STANDBY);
         world.radio.on.set(true);
-        world.pass(10.0).await;
+        world.pass_s(10.0).await;
         assert!(world.telemetry().stop_latched && !world.telemetry().armed);
         // Control: a received move does both.
         world.switch(STOP).await;
-        world.pass(1.0).await;
+        world.pass_s(1.0).await;
         world.radio.switch.set(STANDBY);
         world.until("released", 30, || !world.telemetry().stop_latched && world.telemetry().armed).await;
     });
@@ -253,24 +253,24 @@ fn stop_is_latched_closes_the_valve_and_is_released_by_the_move_to_standby() {
         assert!(!world.telemetry().armed && world.outputs.borrow().power(), "the starter cools it");
         // Standby with the stick up releases nothing; nor does run.
         world.switch(STANDBY).await;
-        world.pass(5.0).await;
+        world.pass_s(5.0).await;
         assert!(world.telemetry().stop_latched);
         world.switch(STOP).await;
-        world.pass(60.0).await;
+        world.pass_s(60.0).await;
         world.switch(RUN).await;
         world.radio.stick.set(IDLE);
-        world.pass(5.0).await;
+        world.pass_s(5.0).await;
         assert!(world.telemetry().stop_latched);
         // Run to standby does not release.
         world.switch(STANDBY).await;
-        world.pass(5.0).await;
+        world.pass_s(5.0).await;
         assert!(world.telemetry().stop_latched);
         world.switch(STOP).await;
         world.radio.switch.set(STANDBY);
         world
             .until("released and armed", 60, || !world.telemetry().stop_latched && world.telemetry().armed)
             .await;
-        world.pass(60.0).await;
+        world.pass_s(60.0).await;
         assert_eq!((world.ignitions(), world.ordered()), (1, None));
         // And it can be started again.
         world
@@ -280,7 +280,7 @@ fn stop_is_latched_closes_the_valve_and_is_released_by_the_move_to_standby() {
                 telemetry.state == EngineState::Standby && egt
             })
             .await;
-        world.pass(15.0).await;
+        world.pass_s(15.0).await;
         world.switch(RUN).await;
         world.until("running", 120, || world.state() == EngineState::Running).await;
         assert_eq!(world.ignitions(), 2);
@@ -295,9 +295,9 @@ fn stop_is_released_only_with_the_stick_at_idle() {
         world.switch(STOP).await;
         assert!(world.telemetry().stop_latched);
         world.radio.stick.set(1500);
-        world.pass(1.0).await;
+        world.pass_s(1.0).await;
         world.switch(STANDBY).await;
-        world.pass(5.0).await;
+        world.pass_s(5.0).await;
         assert!(world.telemetry().stop_latched, "the stick is up");
         world.radio.stick.set(IDLE);
         world.until("released", 3, || !world.telemetry().stop_latched).await;
@@ -309,11 +309,11 @@ fn stop_of_another_source_stays_until_the_switch_was_at_stop() {
     each(async |world| {
         world.start().await;
         world.lower.set(Some(Command::EmergencyStop));
-        world.pass(0.2).await;
+        world.pass_s(0.2).await;
         world.lower.set(None);
-        world.pass(60.0).await;
+        world.pass_s(60.0).await;
         world.switch(STANDBY).await;
-        world.pass(5.0).await;
+        world.pass_s(5.0).await;
         world.switch(RUN).await;
         assert!(world.telemetry().stop_latched);
         world.arm().await;
@@ -326,14 +326,14 @@ fn start_without_arming_is_refused_and_never_follows_later() {
     each(async |world| {
         world.radio.switch.set(STANDBY);
         world.until("standby", 60, || world.state() == EngineState::Standby).await;
-        world.pass(5.0).await;
+        world.pass_s(5.0).await;
         world.radio.switch.set(RUN);
-        world.pass(1.0).await;
+        world.pass_s(1.0).await;
         let refused = Outcome::Commanded(run_at(0), Err(Rejected::Start(Interlock::NotArmed)));
         assert!(world.outcomes.borrow().iter().any(|(_, outcome)| *outcome == refused));
         // Another source arms: what was refused stays refused.
         world.lower.set(Some(Command::Arm));
-        world.pass(20.0).await;
+        world.pass_s(20.0).await;
         assert!(world.telemetry().armed);
         assert_eq!((world.ignitions(), world.ordered()), (0, None));
         world.switch(STANDBY).await;
@@ -419,19 +419,19 @@ fn outputs_that_nobody_drives_are_no_stop_with_end_points_of_1000_us_either() {
             let (idle, half) = (if reversed { 2000 } else { 1000 }, 1500);
             life(&Life { radio, plug, memory: None, settings }, halves, async |world| {
                 radio.stick.set(idle);
-                world.pass(2.0).await;
+                world.pass_s(2.0).await;
                 world.standby_by(STANDBY).await;
                 world.run_by(RUN).await;
                 world.radio.stick.set(half);
                 world.until("half throttle", 10, || world.ordered() == Some(500)).await;
                 // Its start takes 2 s without frames, then 2 s with outputs that nobody drives.
                 world.radio.plugged.set(false);
-                world.pass(2.0).await;
+                world.pass_s(2.0).await;
                 world.radio.plugged.set(true);
                 for output in [&world.radio.stick, &world.radio.switch, &world.radio.hand_over] {
                     output.set(881);
                 }
-                world.pass(2.0).await;
+                world.pass_s(2.0).await;
                 assert!(!world.telemetry().stop_latched, "{kind:?}, reversed {reversed}");
                 assert!(world.ordered().is_some_and(|throttle| throttle <= 500));
                 // A stop sent by a transmitter counts, also beside the lowest possible stick.
@@ -452,18 +452,18 @@ fn outputs_that_nobody_drives_are_no_stop_from_an_end_point_of_892_us_on() {
             let settings = EngineSettings { low, ..Kind::Pwm.settings() };
             life(&Life { radio, plug, memory: None, settings }, halves, async |world| {
                 radio.stick.set(low);
-                world.pass(2.0).await;
+                world.pass_s(2.0).await;
                 world.standby_by(STANDBY).await;
                 world.run_by(RUN).await;
                 world.radio.stick.set(low.midpoint(1900));
                 world.until("half throttle", 10, || world.ordered().is_some_and(|order| order >= 495)).await;
                 world.radio.plugged.set(false);
-                world.pass(2.0).await;
+                world.pass_s(2.0).await;
                 world.radio.plugged.set(true);
                 for output in [&world.radio.stick, &world.radio.switch, &world.radio.hand_over] {
                     output.set(881);
                 }
-                world.pass(2.0).await;
+                world.pass_s(2.0).await;
                 assert_eq!(world.telemetry().stop_latched, stops, "{low} µs");
             })
             .await;
@@ -480,7 +480,7 @@ fn two_receivers_on_one_line_are_silence_and_either_one_stops() {
         world.radio.stick.set(1300);
         world.until("a quarter", 5, || world.ordered() == Some(250)).await;
         world.radio.second.set(Some((1900, RUN)));
-        world.pass(0.2).await;
+        world.pass_s(0.2).await;
         let from = Instant::now();
         world.outcomes.borrow_mut().clear();
         world.until("lost", 2, || world.telemetry().loss == LossStage::Hold).await;
@@ -490,10 +490,10 @@ fn two_receivers_on_one_line_are_silence_and_either_one_stops() {
         assert!(!world.outcomes.borrow().iter().any(moved), "since {from}");
         // One of them is unplugged: the stick takes over from the present demand.
         world.radio.second.set(None);
-        world.pass(2.0).await;
+        world.pass_s(2.0).await;
         assert_eq!(world.ordered(), Some(0));
         world.radio.stick.set(IDLE);
-        world.pass(1.0).await;
+        world.pass_s(1.0).await;
         world.radio.stick.set(1500);
         world.until("half throttle", 5, || world.ordered() == Some(500)).await;
         world.radio.second.set(Some((1900, STOP)));
@@ -544,7 +544,7 @@ fn engine_resumes_after_a_reset_in_flight_and_the_valve_stays_open() {
         world.start().await;
         world.radio.stick.set(1500);
         world.until("half throttle", 5, || world.ordered() == Some(500)).await;
-        world.pass(5.0).await;
+        world.pass_s(5.0).await;
     };
     let resumes = async |world: &World<'_>| {
         assert_eq!(world.outputs.borrow().valve(), Valve::Open, "before anything else");
@@ -552,7 +552,7 @@ fn engine_resumes_after_a_reset_in_flight_and_the_valve_stays_open() {
         world.bytes(Instant::now(), &[0xFF, 0x0F, 0x00, 0xC8, 0x18, 0x16, 0x0F]);
         world.until("found running", 10, || world.ordered().is_some()).await;
         world.until("its throttle", 10, || world.ordered() == Some(500)).await;
-        world.pass(5.0).await;
+        world.pass_s(5.0).await;
         assert_eq!((world.state(), world.ignitions()), (EngineState::Running, 1));
         assert!(world.valve.borrow().is_empty(), "{:?}", world.valve.borrow());
     };
@@ -570,7 +570,7 @@ fn engine_that_is_found_after_a_reset_is_taken_over_without_a_jump() {
         world.start().await;
         world.radio.stick.set(1300);
         world.until("a quarter", 5, || world.ordered() == Some(250)).await;
-        world.pass(5.0).await;
+        world.pass_s(5.0).await;
     };
     for kind in Kind::ALL {
         for (reset, later) in
@@ -583,7 +583,7 @@ fn engine_that_is_found_after_a_reset_is_taken_over_without_a_jump() {
             lives(kind, &[reset], flies, goes_up, async |world| {
                 world.until("found running", 10, || world.ordered().is_some()).await;
                 assert!(world.ordered() <= Some(250), "{:?}", world.ordered());
-                world.pass(later).await;
+                world.pass_s(later).await;
                 world.radio.plugged.set(true);
                 world.rises_to(1000).await;
                 assert_eq!((world.state(), world.ignitions()), (EngineState::Running, 1));
@@ -597,13 +597,13 @@ fn reset_while_stopped_keeps_the_valve_closed() {
     let stops = async |world: &World<'_>| {
         world.start().await;
         world.switch(STOP).await;
-        world.pass(1.0).await;
+        world.pass_s(1.0).await;
     };
     let unplugged = |radio: &Radio| radio.plugged.set(false);
     lives(Kind::Sbus, &[Reset::Warm, Reset::PowerLost], stops, unplugged, async |world| {
         assert_eq!(world.outputs.borrow().valve(), Valve::Closed);
         assert!(world.outputs.borrow().power(), "its starter cools the turbine");
-        world.pass(20.0).await;
+        world.pass_s(20.0).await;
         assert!(world.telemetry().stop_latched && world.valve.borrow().is_empty());
     });
 }
@@ -615,7 +615,7 @@ fn valve_closes_when_standby_is_not_obeyed_and_never_before() {
         world.start().await;
         world.plug.cut_one(sim::wire::Direction::ToEcu, true);
         world.radio.stick.set(1500);
-        world.pass(30.0).await;
+        world.pass_s(30.0).await;
         assert!(!world.telemetry().obeyed, "a demand is not obeyed");
         assert_eq!(world.outputs.borrow().valve(), Valve::Open, "which closes nothing");
         world.radio.stick.set(IDLE);
@@ -641,12 +641,12 @@ fn radio_control_that_returns_at_run_leaves_the_nodes_own_standby_in_doubt_as_it
             world.until("the node's own standby", 60, || world.telemetry().ordered == own).await;
             world.radio.switch.set(found);
             world.radio.on.set(true);
-            world.pass(60.0).await;
+            world.pass_s(60.0).await;
             assert_eq!(world.commanded(), Some(Command::Present));
             assert_eq!(world.outputs.borrow().valve(), Valve::Open);
             // Run orders nothing here either; a move to standby is a person's order.
             world.switch(RUN).await;
-            world.pass(30.0).await;
+            world.pass_s(30.0).await;
             assert_eq!(world.outputs.borrow().valve(), Valve::Open);
             world.switch(STANDBY).await;
             world.until("closed", 6, || world.outputs.borrow().valve() == Valve::Closed).await;
@@ -696,7 +696,7 @@ fn random_pilots_never_start_but_by_the_move() {
                     8 => world.radio.plugged.set(!world.radio.plugged.get() || random.bool()),
                     _ => world.radio.hand_over.set(if random.u8(0..4) == 0 { 2000 } else { 1000 }),
                 }
-                world.pass(random.f64() * 6.0).await;
+                world.pass_s(random.f64() * 6.0).await;
                 let ordered = world.ordered();
                 if ordered.is_some() && before.1.is_none() {
                     starts += 1;

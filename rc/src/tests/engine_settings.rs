@@ -15,11 +15,11 @@ fn calibration_takes_the_end_points_and_is_refused_while_the_engine_turns() {
             world.pilot.borrow_mut().begin_calibration().unwrap();
             for &pulse in pulses {
                 world.radio.stick.set(pulse);
-                world.pass(0.3).await;
+                world.pass_s(0.3).await;
             }
             let result = world.pilot.borrow_mut().end_calibration();
             world.radio.stick.set(IDLE);
-            world.pass(1.0).await;
+            world.pass_s(1.0).await;
             result
         };
         assert_eq!(world.pilot.borrow_mut().end_calibration(), Err(CalibrationError::NotBegun));
@@ -41,7 +41,7 @@ fn calibration_takes_the_end_points_and_is_refused_while_the_engine_turns() {
         world.radio.switch.set(STANDBY);
         world.radio.stick.set(1050);
         world.until("armed", 30, || world.telemetry().armed).await;
-        world.pass(2.0).await;
+        world.pass_s(2.0).await;
         world.radio.switch.set(RUN);
         world.until("ordered to run", 5, || world.ordered() == Some(0)).await;
         let mut pilot = world.pilot.borrow_mut();
@@ -57,7 +57,7 @@ fn stick_whose_end_point_is_below_900_us_starts_and_throttles() {
         let settings = EngineSettings { low: 888, ..radio.kind.settings() };
         life(&Life { radio, plug, memory: None, settings }, halves, async |world| {
             radio.stick.set(882);
-            world.pass(2.0).await;
+            world.pass_s(2.0).await;
             world.standby_by(STANDBY).await;
             world.run_by(RUN).await;
             world.radio.stick.set(1394);
@@ -74,7 +74,7 @@ fn stick_with_end_points_of_800_and_2200_us_starts_and_reaches_full_throttle() {
         let settings = EngineSettings { low: 800, high: 2200, ..radio.kind.settings() };
         life(&Life { radio, plug, memory: None, settings }, halves, async |world| {
             radio.stick.set(800);
-            world.pass(2.0).await;
+            world.pass_s(2.0).await;
             world.standby_by(STANDBY).await;
             world.run_by(RUN).await;
             for (stick, ordered) in [(1500, 500), (2200, 1000), (800, 0)] {
@@ -93,13 +93,13 @@ fn without_a_switch_radio_control_moves_the_throttle_and_neither_starts_nor_stop
         life(&Life { radio, plug, memory: None, settings }, halves, async |world| {
             for switch in [STOP, STANDBY, RUN] {
                 world.switch(switch).await;
-                world.pass(10.0).await;
+                world.pass_s(10.0).await;
                 assert!(world.ordered().is_none() && !world.telemetry().stop_latched);
             }
             world.lower.set(Some(Command::Arm));
-            world.pass(0.2).await;
+            world.pass_s(0.2).await;
             world.lower.set(Some(Command::Standby));
-            world.pass(2.0).await;
+            world.pass_s(2.0).await;
             world.lower.set(Some(run_at(0)));
             world.until("running", 120, || world.state() == EngineState::Running).await;
             world.radio.stick.set(1500);
@@ -118,7 +118,7 @@ fn stick_may_command_a_shaft_speed() {
         let settings = EngineSettings { rpm_low: of(30_000), rpm_high: of(90_000), ..radio.kind.settings() };
         life(&Life { radio, plug, memory: None, settings }, halves, async |world| {
             world.arm().await;
-            world.pass(20.0).await;
+            world.pass_s(20.0).await;
             world.run_by(RUN).await;
             world.radio.stick.set(1500);
             let half = Order::Run(Demand::Rpm(Rpm::new(60_000)));
@@ -140,9 +140,9 @@ fn start_by_a_stick_that_commands_a_shaft_speed_needs_the_stick_at_idle_and_no_m
             let settings = EngineSettings { rpm_low: of(low), rpm_high: of(90_000), ..radio.kind.settings() };
             life(&Life { radio, plug, memory: None, settings }, halves, async |world| {
                 world.arm().await;
-                world.pass(20.0).await;
+                world.pass_s(20.0).await;
                 world.radio.stick.set(stick);
-                world.pass(1.0).await;
+                world.pass_s(1.0).await;
                 world.run_by(RUN).await;
                 let ordered = || match world.telemetry().ordered.order {
                     Order::Run(Demand::Rpm(rpm)) => rpm.get().checked_sub(low),
@@ -164,7 +164,7 @@ fn reversed_stick_and_switch_stop_start_and_throttle_the_engine() {
         radio.switch.set(2000);
         life(&Life { radio, plug, memory: None, settings }, halves, async |world| {
             world.until("stop", 10, || world.telemetry().stop_latched).await;
-            world.pass(2.0).await;
+            world.pass_s(2.0).await;
             world.standby_by(1500).await;
             world.run_by(1000).await;
             world.radio.stick.set(1300);
@@ -180,14 +180,14 @@ fn damaged_settings_start_nothing_until_they_are_confirmed() {
         world.arm().await;
         world.pilot.borrow_mut().set_damaged(true);
         world.switch(RUN).await;
-        world.pass(2.0).await;
+        world.pass_s(2.0).await;
         let refused = world.outcomes.borrow().iter().any(|(_, outcome)| *outcome == Outcome::SettingsDamaged);
         assert!(refused && world.ordered().is_none());
         world.pilot.borrow_mut().set_damaged(false);
-        world.pass(5.0).await;
+        world.pass_s(5.0).await;
         assert_eq!(world.ordered(), None, "a start that was refused takes a new move");
         world.switch(STANDBY).await;
-        world.pass(1.0).await;
+        world.pass_s(1.0).await;
         world.run_by(RUN).await;
         // A running engine keeps its throttle and its stop.
         world.pilot.borrow_mut().set_damaged(true);

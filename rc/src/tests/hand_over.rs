@@ -11,7 +11,7 @@ fn hand_over_goes_to_the_lower_source_and_back_without_a_jump_and_keeps_the_stop
         world.radio.stick.set(1900);
         world.until("full throttle", 5, || world.ordered() == Some(1000)).await;
         world.lower.set(Some(run_at(300)));
-        world.pass(2.0).await;
+        world.pass_s(2.0).await;
         assert_eq!((world.telemetry().active_source, world.ordered()), (Origin::Rc, Some(1000)));
         world.radio.hand_over.set(2000);
         world.until("MAVLink in control", 5, || world.telemetry().active_source == Origin::Mavlink).await;
@@ -20,11 +20,11 @@ fn hand_over_goes_to_the_lower_source_and_back_without_a_jump_and_keeps_the_stop
         // The stick, and the switch from run to standby, are ignored while it is handed over.
         world.radio.stick.set(IDLE);
         world.switch(STANDBY).await;
-        world.pass(5.0).await;
+        world.pass_s(5.0).await;
         assert_eq!((world.state(), world.ordered()), (EngineState::Running, Some(300)));
         world.switch(RUN).await;
         world.radio.stick.set(1900);
-        world.pass(1.0).await;
+        world.pass_s(1.0).await;
         world.radio.hand_over.set(1000);
         world.rises_to(1000).await;
         assert_eq!(world.telemetry().active_source, Origin::Rc);
@@ -41,16 +41,16 @@ fn engine_that_was_handed_over_can_be_started_by_the_lower_source_only() {
     each(async |world| {
         world.arm().await;
         world.lower.set(Some(Command::Standby));
-        world.pass(1.0).await;
+        world.pass_s(1.0).await;
         world.lower.set(Some(run_at(0)));
-        world.pass(3.0).await;
+        world.pass_s(3.0).await;
         assert_eq!(world.ordered(), None, "radio control is in control");
         world.radio.hand_over.set(2000);
         world.switch(RUN).await;
-        world.pass(3.0).await;
+        world.pass_s(3.0).await;
         assert_eq!(world.ordered(), None, "no start of radio control");
         world.lower.set(Some(Command::Standby));
-        world.pass(2.0).await;
+        world.pass_s(2.0).await;
         world.lower.set(Some(run_at(0)));
         world.until("running", 120, || world.state() == EngineState::Running).await;
         assert_eq!(world.telemetry().active_source, Origin::Mavlink);
@@ -67,7 +67,7 @@ fn switch_that_moved_while_it_was_handed_over_neither_shuts_down_nor_arms_afterw
         world.until("MAVLink in control", 5, || world.telemetry().active_source == Origin::Mavlink).await;
         world.switch(STANDBY).await;
         world.radio.hand_over.set(1000);
-        world.pass(5.0).await;
+        world.pass_s(5.0).await;
         assert_eq!(world.commanded(), Some(Command::Present));
         assert_eq!((world.state(), world.ordered()), (EngineState::Running, Some(300)));
         // Control: a move that it receives.
@@ -77,13 +77,13 @@ fn switch_that_moved_while_it_was_handed_over_neither_shuts_down_nor_arms_afterw
         // Released while it was handed over; not armed then, nor later.
         world.lower.set(None);
         world.switch(STOP).await;
-        world.pass(60.0).await;
+        world.pass_s(60.0).await;
         world.radio.hand_over.set(2000);
-        world.pass(1.0).await;
+        world.pass_s(1.0).await;
         world.switch(STANDBY).await;
         world.until("released", 60, || !world.telemetry().stop_latched).await;
         world.radio.hand_over.set(1000);
-        world.pass(5.0).await;
+        world.pass_s(5.0).await;
         assert!(!world.telemetry().armed);
     });
 }
@@ -97,7 +97,7 @@ fn hand_over_that_comes_and_goes_moves_the_throttle_slowly_and_keeps_the_stop() 
         world.radio.stick.set(1900);
         world.until("full throttle", 5, || world.ordered() == Some(1000)).await;
         world.lower.set(Some(run_at(100)));
-        world.pass(2.0).await;
+        world.pass_s(2.0).await;
         let mut before = 1000;
         for n in 0..1500_u32 {
             let on = match n / 300 {
@@ -108,7 +108,7 @@ fn hand_over_that_comes_and_goes_moves_the_throttle_slowly_and_keeps_the_stop() 
                 _ => n % 300 < 150,
             };
             world.radio.hand_over.set(if on { 2000 } else { 1000 });
-            world.pass(0.02).await;
+            world.pass_s(0.02).await;
             let ordered = world.ordered().unwrap();
             assert!(ordered <= before + 30, "{n}: from {before} to {ordered} in 20 ms");
             before = ordered;
@@ -136,13 +136,13 @@ fn shut_down_counts_beside_a_hand_over_channel_that_has_not_settled() {
             }
             world.start().await;
             world.radio.switch.set(STANDBY);
-            world.pass(off).await;
-            // It is on for 0.04 s in every 0.1 s.
+            world.pass_s(off).await;
+            // It is at on for 0.04 s in every 0.1 s.
             for _ in 0..10 {
                 world.radio.hand_over.set(2000);
-                world.pass(0.04).await;
+                world.pass_s(0.04).await;
                 world.radio.hand_over.set(1000);
-                world.pass(0.06).await;
+                world.pass_s(0.06).await;
             }
             world.until("standby", 2, || world.telemetry().ordered.order == Order::Standby).await;
         }

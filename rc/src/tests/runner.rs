@@ -147,7 +147,7 @@ struct World<'w, 'c> {
 }
 
 impl World<'_, '_> {
-    async fn pass(&self, ms: u64) {
+    async fn pass_ms(&self, ms: u64) {
         Timer::after(Duration::from_millis(ms)).await;
     }
 
@@ -177,14 +177,14 @@ impl World<'_, '_> {
     }
 
     async fn start(&self) {
-        self.pass(2000).await;
+        self.pass_ms(2000).await;
         self.receiver.switch.set(STANDBY);
         self.until("armed", 30, || self.both(|engine| engine.telemetry().armed)).await;
         self.until("standby", 60, || self.states() == [EngineState::Standby; 2]).await;
-        self.pass(2000).await;
+        self.pass_ms(2000).await;
         self.receiver.switch.set(RUN);
         self.until("running", 240, || self.states() == [EngineState::Running; 2]).await;
-        self.pass(5000).await;
+        self.pass_ms(5000).await;
     }
 }
 
@@ -281,7 +281,7 @@ fn transmitter_off_is_each_stage_of_loss_for_both_engines() {
             assert_eq!(world.ordered(), [Some(1000); 2]);
             world.until("the second stage", 3, || world.both(lost(LossStage::FailSafe))).await;
             world.until("idle", 5, || world.ordered() == [Some(0); 2]).await;
-            world.pass(10_000).await;
+            world.pass_ms(10_000).await;
             assert_eq!(world.states(), [EngineState::Running; 2]);
             world.receiver.on.set(true);
             world.until("full throttle", 15, || world.ordered() == [Some(1000); 2]).await;
@@ -295,16 +295,16 @@ fn transmitter_off_is_each_stage_of_loss_for_both_engines() {
 fn frame_with_a_fault_of_the_uart_does_not_count() {
     for damaged in [0, 1, 12, 23, 24] {
         run(false, async |world| {
-            world.pass(1000).await;
+            world.pass_ms(1000).await;
             let before = (sbus_counters(world), world.outcomes.borrow().len());
             world.receiver.damages.set(Some(damaged));
-            world.pass(1400).await;
+            world.pass_ms(1400).await;
             let now = (sbus_counters(world), world.outcomes.borrow().len());
             let damaged_frames = now.0.line_errors - before.0.line_errors;
             assert!((99..=100).contains(&damaged_frames), "byte {damaged}: {now:?}");
             assert!(now.1 - before.1 <= 2, "byte {damaged}: {} outcomes", now.1 - before.1);
             world.receiver.damages.set(None);
-            world.pass(1400).await;
+            world.pass_ms(1400).await;
             assert!(world.outcomes.borrow().len() - now.1 >= 2 * 95, "byte {damaged}");
         });
     }
@@ -367,12 +367,12 @@ fn what_was_received_is_counted_for_people() {
 #[test]
 fn port_that_fails_is_read_again_after_a_pause() {
     run(false, async |world| {
-        world.pass(1000).await;
+        world.pass_ms(1000).await;
         let (reads, before) = (world.uart.reads.get(), sbus_counters(world));
         world.uart.fail();
-        world.pass(5).await;
+        world.pass_ms(5).await;
         assert!(world.uart.reads.get() <= reads + 1, "no read within the pause");
-        world.pass(100).await;
+        world.pass_ms(100).await;
         let now = sbus_counters(world);
         assert!(now.line_errors == before.line_errors + 1 && now.frames >= before.frames + 5, "{now:?}");
     });
@@ -381,7 +381,7 @@ fn port_that_fails_is_read_again_after_a_pause() {
 #[test]
 fn service_takes_engines_in_their_order() {
     run(false, async |world| {
-        world.pass(500).await;
+        world.pass_ms(500).await;
         let outcomes = world.outcomes.borrow();
         let engines: Vec<usize> = outcomes.iter().map(|(_, engine, _)| *engine).collect();
         assert!(engines.len() > 20 && engines.chunks(2).all(|pair| pair == [0, 1]), "{engines:?}");
@@ -427,12 +427,12 @@ fn a_stick_that_commands_a_shaft_speed_starts_and_moves_both_engines() {
         }
         // A stop clears the speed: it is released like the stop of a throttle.
         world.receiver.stick.set(1900);
-        world.pass(5000).await;
+        world.pass_ms(5000).await;
         world.receiver.switch.set(STOP);
-        world.pass(90_000).await;
+        world.pass_ms(90_000).await;
         assert!(world.both(|engine| engine.telemetry().stop_latched));
         world.receiver.stick.set(IDLE);
-        world.pass(1000).await;
+        world.pass_ms(1000).await;
         world.receiver.switch.set(STANDBY);
         world.until("released", 120, || world.both(|engine| engine.telemetry().armed)).await;
     });
@@ -443,14 +443,14 @@ fn a_stick_that_commands_a_shaft_speed_starts_and_moves_both_engines() {
 fn a_stick_is_not_calibrated_for_one_engine_while_another_one_turns() {
     let second = EngineSettings { switch: 6, ..EngineSettings::DEFAULT };
     run_with(false, [EngineSettings::DEFAULT, second], async |world| {
-        world.pass(2000).await;
+        world.pass_ms(2000).await;
         let calibrate = |engine, begin| world.service.borrow_mut().calibrate(engine, begin);
         assert_eq!(calibrate(2, true), None);
         assert_eq!(calibrate(1, true), Some(Ok(())), "both are at rest");
         world.receiver.switch.set(STANDBY);
         world.until("armed", 30, || world.engines[0].telemetry().armed).await;
         world.until("standby", 60, || world.states() == [EngineState::Standby; 2]).await;
-        world.pass(2000).await;
+        world.pass_ms(2000).await;
         world.receiver.switch.set(RUN);
         world.until("running", 240, || world.states()[0] == EngineState::Running).await;
         let turns = Some(Err(CalibrationError::EngineTurns));
@@ -458,10 +458,10 @@ fn a_stick_is_not_calibrated_for_one_engine_while_another_one_turns() {
         // The calibration in progress has ended: the stick now moves a running engine.
         for stick in [1050, 1950, 1500] {
             world.receiver.stick.set(stick);
-            world.pass(500).await;
+            world.pass_ms(500).await;
         }
         world.receiver.switch.set(STOP);
-        world.pass(120_000).await;
+        world.pass_ms(120_000).await;
         assert_eq!(calibrate(1, false), Some(Err(CalibrationError::NotBegun)));
         assert_eq!(calibrate(1, true), Some(Ok(())));
     });
@@ -472,18 +472,18 @@ fn a_stick_is_not_calibrated_for_one_engine_while_another_one_turns() {
 fn start_that_waits_ends_at_a_gap_of_the_receiver() {
     for gap in [false, true] {
         run(false, async |world| {
-            world.pass(2000).await;
+            world.pass_ms(2000).await;
             world.receiver.switch.set(STANDBY);
             world.until("armed", 30, || world.both(|engine| engine.telemetry().armed)).await;
             world.until("standby", 60, || world.states() == [EngineState::Standby; 2]).await;
-            world.pass(2000).await;
+            world.pass_ms(2000).await;
             world.receiver.switch.set(RUN);
             world.until("a wait", 2, || world.engines[1].telemetry().start_waits_until.is_some()).await;
-            world.pass(1000).await;
+            world.pass_ms(1000).await;
             world.receiver.on.set(!gap);
-            world.pass(350).await;
+            world.pass_ms(350).await;
             world.receiver.on.set(true);
-            world.pass(240_000).await;
+            world.pass_ms(240_000).await;
             let runs = world.engines[1].telemetry().state == EngineState::Running;
             assert_eq!(runs, !gap, "{:?}", world.states());
         });

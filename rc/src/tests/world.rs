@@ -129,7 +129,7 @@ impl World<'_> {
         self.plug.ecu(|ecu| ecu.turbine().history().ignitions.len())
     }
 
-    pub async fn pass(&self, seconds: f64) {
+    pub async fn pass_s(&self, seconds: f64) {
         Timer::after(Duration::from_micros((seconds * 1e6) as u64)).await;
     }
 
@@ -151,14 +151,14 @@ impl World<'_> {
     /// Moves the switch, and waits until it has settled.
     pub async fn switch(&self, position: u16) {
         self.radio.switch.set(position);
-        self.pass(0.7).await;
+        self.pass_s(0.7).await;
     }
 
     /// Moves from stop to standby: releases and arms.
     pub async fn arm(&self) {
         self.radio.stick.set(IDLE);
         self.switch(STOP).await;
-        self.pass(1.0).await;
+        self.pass_s(1.0).await;
         self.standby_by(STANDBY).await;
     }
 
@@ -167,7 +167,7 @@ impl World<'_> {
         self.radio.switch.set(position);
         self.until("armed", 30, || self.telemetry().armed).await;
         self.until("standby", 60, || self.state() == EngineState::Standby).await;
-        self.pass(2.0).await;
+        self.pass_s(2.0).await;
     }
 
     /// Moves the switch to this run position, and waits until the engine runs.
@@ -180,7 +180,7 @@ impl World<'_> {
     pub async fn start(&self) {
         self.arm().await;
         self.run_by(RUN).await;
-        self.pass(5.0).await;
+        self.pass_s(5.0).await;
     }
 
     /// Waits until the throttle is ordered, and checks that it never rises faster than 50 %/s.
@@ -188,7 +188,7 @@ impl World<'_> {
         let mut before = self.ordered().unwrap();
         let end = Instant::now() + Duration::from_secs(15);
         while before != throttle {
-            self.pass(0.02).await;
+            self.pass_s(0.02).await;
             let ordered = self.ordered().unwrap();
             assert!(ordered <= before + 30, "from {before} to {ordered} in 20 ms");
             assert!(Instant::now() < end, "{before} and not {throttle}");

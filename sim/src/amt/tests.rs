@@ -56,7 +56,7 @@ impl Bench {
         }
     }
 
-    fn wait(&mut self, ms: u64) -> &mut Self {
+    fn wait_ms(&mut self, ms: u64) -> &mut Self {
         let end = self.now + ms * MILLIS;
         loop {
             let byte_at = self.arriving.front().map_or(Nanos::MAX, |&(at, _)| at);
@@ -90,7 +90,7 @@ impl Bench {
     fn until(&mut self, what: impl Fn(&AmtEcu) -> bool) -> u64 {
         let from = self.now;
         while !what(&self.ecu) {
-            self.wait(5);
+            self.wait_ms(5);
             assert!(
                 self.now - from < 200 * SECOND,
                 "it never happens: {:?} {:?}",
@@ -115,7 +115,7 @@ impl Bench {
 #[test]
 fn after_power_the_set_up_set_then_ten_normal_and_one_alternate() {
     let mut bench = Bench::olympus();
-    bench.wait(5000);
+    bench.wait_ms(5000);
     let kinds: String = bench
         .sets
         .iter()
@@ -137,7 +137,7 @@ fn after_power_the_set_up_set_then_ten_normal_and_one_alternate() {
 #[test]
 fn at_2400_baud_a_set_begins_every_125_ms() {
     let mut bench = Bench::olympus();
-    bench.wait(500 + 60_000);
+    bench.wait_ms(500 + 60_000);
     let bytes: usize = bench.sets.iter().map(|(_, _, bytes)| bytes.len()).sum();
     assert!((2880..2910).contains(&bytes), "{bytes}");
     assert!(bench.sets.windows(2).all(|pair| pair[1].0 - pair[0].0 == 125 * MILLIS));
@@ -147,28 +147,28 @@ fn at_2400_baud_a_set_begins_every_125_ms() {
 #[test]
 fn errors_replace_the_normal_sets_and_only_these() {
     let mut bench = Bench::olympus();
-    bench.wait(700);
+    bench.wait_ms(700);
     bench.ecu.set_errors(error::SUPPLY_LOW | error::EGT);
-    bench.wait(2000);
+    bench.wait_ms(2000);
     let kinds: Vec<u8> = bench.sets.iter().skip(2).map(|(_, _, bytes)| bytes[1]).collect();
     assert_eq!(kinds, [0, 0, 0, 0, 0, 0, 0, 0, 0, 0x18, 0, 0, 0, 0, 0, 0]);
     assert_eq!(bench.last(), [0xFF, 0, 0b0010_1000, 14, 0, 0]);
     bench.ecu.set_errors(0);
-    bench.wait(200);
+    bench.wait_ms(200);
     assert_eq!(bench.last()[1], 0x02);
 }
 
 #[test]
 fn a_reply_in_time_is_obeyed_and_its_margin_measured() {
     let mut bench = Bench::olympus();
-    bench.reply_after(2 * MILLIS, &run(50)).wait(600);
+    bench.reply_after(2 * MILLIS, &run(50)).wait_ms(600);
     assert_eq!(bench.ecu.commands.commands(), [AmtCommand { ops: Ops::Run, throttle_half_percent: 100 }]);
     // 30 ms - 2 ms - 20.833 ms
     assert_eq!(bench.ecu.stats.worst_margin, Some(7_166_667));
-    bench.reply_after(9 * MILLIS, &AUTO).wait(125);
+    bench.reply_after(9 * MILLIS, &AUTO).wait_ms(125);
     assert_eq!(bench.ecu.stats.worst_margin, Some(166_667));
     assert_eq!(bench.ecu.stats.in_window, 2);
-    bench.wait(10_000);
+    bench.wait_ms(10_000);
     let stats = bench.ecu.stats;
     assert_eq!((stats.late, stats.none, stats.unsolicited, stats.bad.total()), (0, 0, 0, 0));
     assert!(stats.frames.total() - stats.in_window <= 1);
@@ -177,7 +177,7 @@ fn a_reply_in_time_is_obeyed_and_its_margin_measured() {
 #[test]
 fn a_late_reply_is_counted_and_not_obeyed() {
     let mut bench = Bench::olympus();
-    bench.reply_after(10 * MILLIS, &run(50)).wait(2000); // 10 + 20.8 > 30
+    bench.reply_after(10 * MILLIS, &run(50)).wait_ms(2000); // 10 + 20.8 > 30
     let stats = bench.ecu.stats;
     assert!(stats.late > 10);
     assert_eq!((stats.in_window, stats.none, stats.unsolicited), (0, 0, 0));
@@ -187,8 +187,8 @@ fn a_late_reply_is_counted_and_not_obeyed() {
 
     // So late that it meets the next set.
     let mut bench = Bench::olympus();
-    bench.wait(600);
-    bench.reply_after(90 * MILLIS, &run(50)).wait(2000);
+    bench.wait_ms(600);
+    bench.reply_after(90 * MILLIS, &run(50)).wait_ms(2000);
     assert!(bench.ecu.stats.late > 10);
     // The one without reply is the set-up set.
     assert_eq!((bench.ecu.stats.none, bench.ecu.stats.unsolicited), (1, 0));
@@ -197,7 +197,7 @@ fn a_late_reply_is_counted_and_not_obeyed() {
 #[test]
 fn silence_is_counted_as_none() {
     let mut bench = Bench::olympus();
-    bench.wait(10_050);
+    bench.wait_ms(10_050);
     let stats = bench.ecu.stats;
     assert_eq!(stats.none, stats.frames.total() - 1);
     assert_eq!(stats.worst_margin, None);
@@ -208,10 +208,10 @@ fn unsolicited_messages_are_not_obeyed() {
     let mut bench = Bench::olympus();
     bench.send(100 * MILLIS, &run(50)); // before the first set
     bench.send(510 * MILLIS, &run(50)); // into the set-up set
-    bench.wait(600);
+    bench.wait_ms(600);
     assert_eq!(bench.ecu.stats.unsolicited, 2);
     let twice = [AUTO, run(100)].concat();
-    bench.reply_after(MILLIS / 2, &twice).wait(125);
+    bench.reply_after(MILLIS / 2, &twice).wait_ms(125);
     assert_eq!(bench.ecu.stats.unsolicited, 3);
     assert_eq!(bench.ecu.commands.commands(), [AmtCommand { ops: Ops::AutoStop, throttle_half_percent: 0 }]);
 }
@@ -219,7 +219,7 @@ fn unsolicited_messages_are_not_obeyed() {
 #[test]
 fn malformed_messages_are_counted_by_reason_and_answer_nothing() {
     let mut bench = Bench::olympus();
-    bench.wait(600);
+    bench.wait_ms(600);
     for bad in [
         &[0xFF, 0x14, 132, 0x14, 133][..],
         &[0xFF, 0x13, 132, 0x13, 132],
@@ -227,7 +227,7 @@ fn malformed_messages_are_counted_by_reason_and_answer_nothing() {
         &[0xFF, 0x14, 0xFF],
         &[1, 2, 3],
     ] {
-        bench.reply(bad).wait(125);
+        bench.reply(bad).wait_ms(125);
     }
     let stats = bench.ecu.stats;
     // The last three bytes follow the head that the fourth ends with: a message that never ends.
@@ -236,7 +236,7 @@ fn malformed_messages_are_counted_by_reason_and_answer_nothing() {
     assert_eq!(stats.bytes_received, 21);
 
     bench.reply = None;
-    bench.wait(125);
+    bench.wait_ms(125);
     bench.ecu.receive(bench.now, Ok(0xFF));
     bench.ecu.receive(bench.now, Err(LineFault::Framing));
     assert_eq!((bench.ecu.stats.bad.framing, bench.ecu.stats.framing_errors), (1, 1));
@@ -245,17 +245,17 @@ fn malformed_messages_are_counted_by_reason_and_answer_nothing() {
 #[test]
 fn a_start_shows_all_its_states_in_order() {
     let mut bench = Bench::olympus();
-    bench.reply(&run(0)).wait(45_000);
+    bench.reply(&run(0)).wait_ms(45_000);
     let mut states: Vec<u8> =
         bench.sets.iter().map(|(_, _, bytes)| bytes[1]).filter(|&byte| byte & 7 == 4).collect();
     states.dedup();
     // Run is the switch; no clearance at first, because 0x14 requests it.
     assert_eq!(states, [0x0C, 0x14, 0x24, 0x44, 0x64]);
-    bench.reply(&run(100)).wait(15_000);
+    bench.reply(&run(100)).wait_ms(15_000);
     assert_eq!(bench.last(), [0xFF, 0x84, 217, 163, 200, 190]);
-    bench.reply(&run(0)).wait(15_000);
+    bench.reply(&run(0)).wait_ms(15_000);
     assert_eq!(bench.last()[..3], [0xFF, 0x64, 72]);
-    bench.reply(&AUTO).wait(300);
+    bench.reply(&AUTO).wait_ms(300);
     assert_eq!(bench.last()[1], 0x02);
     assert_eq!(bench.ecu.turbine().phase(), Phase::Cooling);
 }
@@ -263,25 +263,25 @@ fn a_start_shows_all_its_states_in_order() {
 #[test]
 fn the_stick_must_be_where_the_ecu_wants_it() {
     let mut bench = Bench::olympus();
-    bench.reply(&run(50)).wait(5000);
+    bench.reply(&run(50)).wait_ms(5000);
     assert_eq!(bench.ecu.status(), Status::NoClearance);
-    bench.reply(&run(0)).wait(2000);
+    bench.reply(&run(0)).wait_ms(2000);
     assert_eq!(bench.ecu.status(), Status::Starting);
 
     let mut bench = Bench::new(AmtConfig { start_throttle: 100, ..AmtConfig::new(EngineModel::Titan) });
-    bench.reply(&run(0)).wait(5000);
+    bench.reply(&run(0)).wait_ms(5000);
     assert_eq!(bench.ecu.status(), Status::NoClearance);
-    bench.reply(&run(60)).wait(2000);
+    bench.reply(&run(60)).wait_ms(2000);
     assert_eq!(bench.ecu.status(), Status::Starting);
 }
 
 #[test]
 fn emergency_stop_stops_at_once_and_does_not_cool() {
     let mut bench = Bench::running(AmtConfig::new(EngineModel::Olympus));
-    bench.reply(&STOP).wait(160);
+    bench.reply(&STOP).wait_ms(160);
     assert_eq!(bench.ecu.turbine().phase(), Phase::Stopped);
     assert_eq!(bench.ecu.turbine().fuel_flow(), 0.0);
-    bench.wait(10_000);
+    bench.wait_ms(10_000);
     assert_eq!(bench.ecu.turbine().phase(), Phase::Stopped);
     assert_eq!(bench.last()[1], 0x01);
 }
@@ -289,7 +289,7 @@ fn emergency_stop_stops_at_once_and_does_not_cool() {
 #[test]
 fn a_silent_host_stops_the_engine_after_the_serial_delay() {
     let mut bench = Bench::running(AmtConfig::new(EngineModel::Olympus));
-    bench.wait(60_000);
+    bench.wait_ms(60_000);
     assert_eq!(bench.ecu.status(), Status::FullOperation, "it is kept alive by replies");
     bench.reply = None;
     let last = bench.ecu.commands.last().unwrap().0;
@@ -299,11 +299,11 @@ fn a_silent_host_stops_the_engine_after_the_serial_delay() {
     assert_eq!(bench.ecu.stats.serial_delay_stops, 1);
     assert_eq!(bench.ecu.turbine().phase(), Phase::Cooling);
 
-    // The host is back and still commands run: that must not start the engine.
-    bench.reply(&run(0)).wait(120_000);
+    // The host is back and still commands run: that is no reason to start.
+    bench.reply(&run(0)).wait_ms(120_000);
     assert_eq!(bench.ecu.turbine().phase(), Phase::Standby);
-    bench.reply(&AUTO).wait(1000);
-    bench.reply(&run(0)).wait(3000);
+    bench.reply(&AUTO).wait_ms(1000);
+    bench.reply(&run(0)).wait_ms(3000);
     assert_eq!(bench.ecu.status(), Status::Starting);
 }
 
@@ -311,7 +311,7 @@ fn a_silent_host_stops_the_engine_after_the_serial_delay() {
 fn late_and_malformed_replies_do_not_keep_the_engine_alive() {
     for (delay, message) in [(15 * MILLIS, run(0)), (MILLIS, [0xFF, 0x14, 32, 0x14, 33])] {
         let mut bench = Bench::running(AmtConfig::new(EngineModel::Olympus));
-        bench.reply_after(delay, &message).wait(2500);
+        bench.reply_after(delay, &message).wait_ms(2500);
         assert_eq!(bench.ecu.stats.serial_delay_stops, 1);
     }
 }
@@ -325,12 +325,12 @@ fn the_serial_delay_can_be_set() {
     };
     let mut bench = Bench::running(config);
     bench.reply = None;
-    bench.wait(450);
+    bench.wait_ms(450);
     assert!(bench.ecu.turbine().phase().is_live());
-    bench.wait(300);
+    bench.wait_ms(300);
     assert!(!bench.ecu.turbine().phase().is_live());
     assert_eq!(bench.ecu.errors(), error::SWITCH_CHANNEL | error::THROTTLE_CHANNEL);
-    bench.reply(&AUTO).wait(300);
+    bench.reply(&AUTO).wait_ms(300);
     assert_eq!(bench.ecu.errors(), 0);
 }
 
@@ -348,8 +348,8 @@ fn ctf_stops_the_engine_after_the_serial_delay() {
 
     // Cancelled in time.
     let mut bench = Bench::running(AmtConfig::new(EngineModel::Olympus));
-    bench.reply(&CTF).wait(1000);
-    bench.reply(&run(0)).wait(10_000);
+    bench.reply(&CTF).wait_ms(1000);
+    bench.reply(&run(0)).wait_ms(10_000);
     assert_eq!(bench.ecu.status(), Status::FullOperation);
     assert_eq!(bench.ecu.stats.ctf_stops, 0);
 }
@@ -357,7 +357,7 @@ fn ctf_stops_the_engine_after_the_serial_delay() {
 #[test]
 fn ctf_does_nothing_to_an_engine_at_rest() {
     let mut bench = Bench::olympus();
-    bench.reply(&CTF).wait(10_000);
+    bench.reply(&CTF).wait_ms(10_000);
     assert_eq!(bench.ecu.stats.ctf_stops, 0);
     assert_eq!(bench.ecu.status(), Status::NoClearance);
 }
@@ -376,13 +376,13 @@ fn failures_show_as_error_sets_until_the_switch_leaves_run() {
             && bench.ecu.errors() == 0
         {
             fail(bench.ecu.turbine_mut());
-            bench.wait(10_000);
+            bench.wait_ms(10_000);
         }
         assert_eq!(bench.ecu.errors(), error);
-        bench.wait(500);
+        bench.wait_ms(500);
         assert_eq!(bench.last()[1..3], [0, error]);
         assert!(!bench.ecu.turbine().phase().is_live());
-        bench.reply(&AUTO).wait(500);
+        bench.reply(&AUTO).wait_ms(500);
         assert_eq!(bench.last()[1], 0x02);
     }
 }
@@ -394,13 +394,13 @@ fn a_loss_of_power_stops_the_engine_and_restarts_the_ecu() {
     bench.ecu.power(now, false);
     bench.reply = None;
     let before = bench.sets.len();
-    bench.wait(2000);
+    bench.wait_ms(2000);
     assert_eq!(bench.sets.len(), before);
     assert_eq!(bench.ecu.turbine().fuel_flow(), 0.0);
     assert!(bench.ecu.turbine().egt() > 100.0);
     let now = bench.now;
     bench.ecu.power(now, true);
-    bench.wait(1000);
+    bench.wait_ms(1000);
     assert_eq!(bench.sets[before].2[1], 0x05);
     assert_eq!(bench.sets[before].0, now + 500 * MILLIS);
     assert_eq!(bench.ecu.turbine().phase(), Phase::Cooling);
@@ -412,7 +412,7 @@ fn how_often_it_is_called_changes_nothing() {
         let mut bench = Bench::olympus();
         bench.reply(&run(0));
         for _ in 0..40 * SECOND / every {
-            bench.wait(every / MILLIS);
+            bench.wait_ms(every / MILLIS);
         }
         (bench.sets, bench.ecu.stats)
     };
@@ -429,7 +429,7 @@ fn each_engine_sends_its_id_and_its_version() {
         (EngineModel::Pegasus, 0x10, "7.35 140617 "),
     ] {
         let mut bench = Bench::new(AmtConfig::new(engine));
-        bench.wait(2000);
+        bench.wait_ms(2000);
         assert_eq!(&bench.sets[0].2[5..], text.as_bytes());
         assert_eq!(bench.sets[11].2[1], id);
     }
@@ -438,7 +438,7 @@ fn each_engine_sends_its_id_and_its_version() {
         ..AmtConfig::new(EngineModel::Mercury)
     };
     let mut bench = Bench::new(old);
-    bench.wait(2000);
+    bench.wait_ms(2000);
     assert_eq!(bench.sets[11].2[1], 0x07);
 }
 
@@ -455,7 +455,7 @@ fn nothing_that_a_host_sends_upsets_it() {
         if rng.u8(..) < 64 {
             bytes[rng.usize(..5)] = rng.u8(..);
         }
-        bench.reply_after(rng.u64(..12 * MILLIS), &bytes).wait(rng.u64(..500));
+        bench.reply_after(rng.u64(..12 * MILLIS), &bytes).wait_ms(rng.u64(..500));
         let now = bench.now;
         match rng.u8(..) {
             0 => bench.ecu.power(now, false),

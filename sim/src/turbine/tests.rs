@@ -18,7 +18,7 @@ impl Bench {
         Self { turbine, now: 0 }
     }
 
-    fn wait(&mut self, seconds: f64) -> &mut Turbine {
+    fn wait_s(&mut self, seconds: f64) -> &mut Turbine {
         self.now += (seconds * 1e9) as Nanos;
         self.turbine.advance_to(self.now);
         &mut self.turbine
@@ -29,7 +29,7 @@ impl Bench {
         let from = self.now;
         while self.turbine.phase() != phase {
             assert!(self.now - from < 300 * SECOND, "never {phase:?}, but {:?}", self.turbine.phase());
-            self.wait(0.005);
+            self.wait_s(0.005);
         }
         (self.now - from) as f64 / 1e9
     }
@@ -38,7 +38,7 @@ impl Bench {
         let mut bench = Self::new(parameters);
         bench.turbine.set_switch(Switch::Run);
         bench.until(Phase::Running);
-        bench.wait(5.0);
+        bench.wait_s(5.0);
         bench
     }
 }
@@ -51,7 +51,7 @@ fn a_start_goes_through_its_phases_in_20_to_40_s() {
         let mut phases = vec![];
         let mut hottest: f64 = 0.0;
         while bench.turbine.phase() != Phase::Running {
-            bench.wait(0.005);
+            bench.wait_s(0.005);
             hottest = hottest.max(bench.turbine.egt());
             if phases.last() != Some(&bench.turbine.phase()) {
                 phases.push(bench.turbine.phase());
@@ -72,14 +72,14 @@ fn a_start_goes_through_its_phases_in_20_to_40_s() {
 fn idle_and_full_throttle_give_the_figures_of_the_engine() {
     for p in ALL {
         let mut bench = Bench::running(p);
-        let idle = bench.wait(20.0);
+        let idle = bench.wait_s(20.0);
         assert!((idle.rpm() - p.idle_rpm).abs() < 50.0);
         assert!((idle.egt() - p.egt_idle).abs() < 5.0, "{}", idle.egt());
         assert!((idle.thrust() - p.thrust_idle).abs() < 0.1 * p.thrust_idle);
         assert!((idle.pump_voltage() - p.pump_idle_v).abs() < 0.1);
 
         bench.turbine.set_demand(Demand::Throttle(1000));
-        let full = bench.wait(20.0);
+        let full = bench.wait_s(20.0);
         assert!((full.rpm() - p.max_rpm).abs() < 50.0, "{}", full.rpm());
         assert!((full.egt() - p.egt_max).abs() < 5.0);
         assert!((full.thrust() - p.thrust_max).abs() < 0.01 * p.thrust_max);
@@ -88,7 +88,7 @@ fn idle_and_full_throttle_give_the_figures_of_the_engine() {
 
         // One minute at full throttle burns one minute's worth.
         let before = full.fuel_total();
-        let burnt = bench.wait(60.0).fuel_total() - before;
+        let burnt = bench.wait_s(60.0).fuel_total() - before;
         assert!((burnt - p.flow_max).abs() < 0.01 * p.flow_max);
     }
 }
@@ -101,7 +101,7 @@ fn the_curve_sets_how_fast_it_accelerates() {
         bench.turbine.set_demand(Demand::Throttle(1000));
         let from = bench.now;
         while bench.turbine.rpm() < 155_000.0 {
-            bench.wait(0.01);
+            bench.wait_s(0.01);
         }
         (bench.now - from) as f64 / 1e9
     };
@@ -115,7 +115,7 @@ fn an_rpm_demand_is_met_and_limited() {
     let mut bench = Bench::running(Parameters::ZK_160K);
     for (wanted, expected) in [(100_000, 100_000.0), (0, 50_000.0), (400_000, 160_000.0)] {
         bench.turbine.set_demand(Demand::Rpm(wanted));
-        assert!((bench.wait(20.0).rpm() - expected).abs() < 50.0);
+        assert!((bench.wait_s(20.0).rpm() - expected).abs() < 50.0);
     }
 }
 
@@ -124,7 +124,7 @@ fn standby_cools_and_stop_does_not() {
     for parameters in ALL {
         let mut bench = Bench::running(parameters);
         bench.turbine.set_switch(Switch::Standby);
-        bench.wait(0.01);
+        bench.wait_s(0.01);
         assert_eq!(bench.turbine.phase(), Phase::Cooling);
         assert_eq!(bench.turbine.fuel_flow(), 0.0);
         let took = bench.until(Phase::Standby);
@@ -133,15 +133,15 @@ fn standby_cools_and_stop_does_not() {
 
         let mut bench = Bench::running(parameters);
         bench.turbine.set_switch(Switch::Stop);
-        bench.wait(0.01);
+        bench.wait_s(0.01);
         assert_eq!(bench.turbine.phase(), Phase::Stopped);
         assert_eq!(bench.turbine.fuel_flow(), 0.0);
-        let later = bench.wait(60.0);
+        let later = bench.wait_s(60.0);
         assert_eq!(later.rpm(), 0.0);
         assert!(later.egt() > 150.0, "without cooling it stays hot: {}", later.egt());
         // Standby after all: then it is cooled.
         bench.turbine.set_switch(Switch::Standby);
-        bench.wait(0.01);
+        bench.wait_s(0.01);
         assert_eq!(bench.turbine.phase(), Phase::Cooling);
     }
 }
@@ -150,9 +150,9 @@ fn standby_cools_and_stop_does_not() {
 fn a_hot_turbine_cools_before_it_starts_again() {
     let mut bench = Bench::running(Parameters::TITAN);
     bench.turbine.set_switch(Switch::Stop);
-    bench.wait(1.0);
+    bench.wait_s(1.0);
     bench.turbine.set_switch(Switch::Run);
-    bench.wait(0.01);
+    bench.wait_s(0.01);
     assert_eq!(bench.turbine.phase(), Phase::Cooling);
     bench.until(Phase::Running);
 }
@@ -161,13 +161,13 @@ fn a_hot_turbine_cools_before_it_starts_again() {
 fn a_flame_out_is_noticed_and_holds_until_it_is_cleared() {
     let mut bench = Bench::running(Parameters::OLYMPUS);
     bench.turbine.set_demand(Demand::Throttle(800));
-    bench.wait(10.0);
+    bench.wait_s(10.0);
     bench.turbine.flame_out();
     assert_eq!(bench.turbine.trip(), None);
     assert!(bench.until(Phase::Cooling) < 10.0);
     assert_eq!(bench.turbine.trip(), Some(Trip::FlameOut));
     bench.until(Phase::Standby);
-    assert_eq!(bench.wait(5.0).phase(), Phase::Standby, "still switched to run, and does not start");
+    assert_eq!(bench.wait_s(5.0).phase(), Phase::Standby, "still switched to run, and does not start");
     bench.turbine.clear_trip();
     bench.until(Phase::Running);
 }

@@ -62,7 +62,7 @@ impl Bench {
 
     fn version(version: u8) -> Self {
         let mut bench = Self::new(ZkConfig::new(version));
-        bench.wait(1000);
+        bench.wait_ms(1000);
         bench
     }
 
@@ -77,7 +77,7 @@ impl Bench {
     /// One frame now.
     fn once(&mut self, bytes: [u8; 4]) -> &mut Self {
         self.send(&bytes);
-        self.wait(45)
+        self.wait_ms(45)
     }
 
     fn send(&mut self, bytes: &[u8]) {
@@ -87,7 +87,7 @@ impl Bench {
         }
     }
 
-    fn wait(&mut self, ms: u64) -> &mut Self {
+    fn wait_ms(&mut self, ms: u64) -> &mut Self {
         let end = self.now + ms * MILLIS;
         loop {
             let byte_at = self.arriving.front().map_or(Nanos::MAX, |&(at, _)| at);
@@ -125,7 +125,7 @@ impl Bench {
     fn until(&mut self, what: impl Fn(&ZkEcu) -> bool) -> u64 {
         let from = self.now;
         while !what(&self.ecu) {
-            self.wait(5);
+            self.wait_ms(5);
             assert!(
                 self.now - from < 200 * SECOND,
                 "it never happens: state {} {:?}",
@@ -162,13 +162,13 @@ impl Bench {
 fn up_to_version_4_it_answers_and_is_silent_otherwise() {
     for version in 1..=4 {
         let mut bench = Bench::version(version);
-        bench.wait(60_000);
+        bench.wait_ms(60_000);
         assert_eq!(bench.seen, []);
         for _ in 0..3 {
             bench.once(EMPTY);
         }
         assert_eq!(bench.seen.len(), 3);
-        bench.wait(60_000);
+        bench.wait_ms(60_000);
         assert_eq!(bench.seen.len(), 3);
         assert_eq!(bench.ecu.stats.accepted, 3);
         // 4 bytes at 9600 baud and half a millisecond.
@@ -180,7 +180,7 @@ fn up_to_version_4_it_answers_and_is_silent_otherwise() {
 fn each_version_sends_the_ids_it_knows() {
     for (version, last) in [(1, 6), (2, 7), (3, 8), (4, 8), (5, 9)] {
         let mut bench = Bench::version(version);
-        bench.host(&[EMPTY]).wait(5000);
+        bench.host(&[EMPTY]).wait_ms(5000);
         let mut ids = bench.ids();
         assert_eq!(
             ids[..9.min(last + 1)],
@@ -198,22 +198,22 @@ fn each_version_sends_the_ids_it_knows() {
 fn version_5_sends_by_itself_at_its_rate() {
     for (rate, hz, number) in [(Rate::Hz20, 20, 7), (Rate::Hz50, 50, 8), (Rate::Hz100, 100, 9)] {
         let mut bench = Bench::new(ZkConfig::new(5).at(rate));
-        bench.wait(10_299);
+        bench.wait_ms(10_299);
         assert_eq!(bench.seen.len(), 10 * hz);
         assert_eq!(bench.seen[0].0, 300 * MILLIS);
         assert!(bench.seen.windows(2).all(|pair| pair[1].0 - pair[0].0 == rate.period()));
 
         // Commands are not answered on top of that.
         let before = bench.seen.len();
-        bench.host(&[EMPTY]).wait(1000);
+        bench.host(&[EMPTY]).wait_ms(1000);
         assert_eq!(bench.seen.len() - before, hz);
 
         // The same by command, from 20 Hz.
         let mut bench = Bench::version(5);
-        bench.once(action(number)).wait(1000);
+        bench.once(action(number)).wait_ms(1000);
         assert_eq!(bench.ecu.rate(), rate);
         let before = bench.seen.len();
-        bench.wait(10_000);
+        bench.wait_ms(10_000);
         assert_eq!(bench.seen.len() - before, 10 * hz);
         assert_eq!(bench.last(6)[5], (5 << 2) | (number - 7));
     }
@@ -222,7 +222,7 @@ fn version_5_sends_by_itself_at_its_rate() {
 #[test]
 fn a_rate_the_line_cannot_carry_fills_the_line() {
     let mut bench = Bench::new(ZkConfig::new(5).on(Line::n1(2400)).at(Rate::Hz100));
-    bench.wait(10_300);
+    bench.wait_ms(10_300);
     // 70 bits at 2400 baud take 29.2 ms; the beat of 10 ms is kept.
     assert!((320..345).contains(&bench.seen.len()), "{}", bench.seen.len());
 }
@@ -230,10 +230,10 @@ fn a_rate_the_line_cannot_carry_fills_the_line() {
 #[test]
 fn answers_can_be_bounded_by_the_rate() {
     let mut bench = Bench::new(ZkConfig { rate_bounds_answers: true, ..ZkConfig::new(4) });
-    bench.wait(500);
+    bench.wait_ms(500);
     for _ in 0..100 {
         bench.send(&EMPTY);
-        bench.wait(10);
+        bench.wait_ms(10);
     }
     assert!((19..=21).contains(&bench.seen.len()), "{}", bench.seen.len());
     let stats = bench.ecu.stats;
@@ -252,11 +252,11 @@ fn the_documents_first_example_comes_out_of_a_cold_ecu() {
 #[test]
 fn a_start_shows_all_its_states_in_order() {
     let mut bench = Bench::version(4);
-    bench.host(&[control(2, 0)]).wait(500);
-    bench.host(&[control(3, 0)]).wait(40_000);
-    bench.host(&[control(3, 500)]).wait(10_000);
-    bench.host(&[control(3, 1000)]).wait(10_000);
-    bench.host(&[control(2, 0)]).wait(90_000);
+    bench.host(&[control(2, 0)]).wait_ms(500);
+    bench.host(&[control(3, 0)]).wait_ms(40_000);
+    bench.host(&[control(3, 500)]).wait_ms(10_000);
+    bench.host(&[control(3, 1000)]).wait_ms(10_000);
+    bench.host(&[control(2, 0)]).wait_ms(90_000);
     let mut states: Vec<u8> =
         bench.seen.iter().filter(|(_, bytes)| bytes[0] == 0xF1).map(|(_, bytes)| bytes[3] & 31).collect();
     states.dedup();
@@ -267,7 +267,7 @@ fn a_start_shows_all_its_states_in_order() {
 #[test]
 fn status_follows_the_engine() {
     let mut bench = Bench::running(5);
-    bench.host(&[control(3, 1000)]).wait(15_000);
+    bench.host(&[control(3, 1000)]).wait_ms(15_000);
     let rpm = u32::from(bench.last(1)[1]) | u32::from(bench.last(1)[2]) << 8;
     assert!((15_995..=16_000).contains(&rpm), "{rpm}");
     assert_eq!(bench.error_and_switch(), (0, 2));
@@ -284,21 +284,21 @@ fn status_follows_the_engine() {
 #[test]
 fn a_start_waits_for_low_throttle() {
     let mut bench = Bench::version(5);
-    bench.host(&[control(3, 300)]).wait(5000);
+    bench.host(&[control(3, 300)]).wait_ms(5000);
     assert_eq!(bench.ecu.state(), state::IGNITION_WAITS);
-    bench.host(&[control(3, 0)]).wait(500);
+    bench.host(&[control(3, 0)]).wait_ms(500);
     assert_eq!(bench.ecu.state(), state::IGNITION);
 }
 
 #[test]
 fn stop_does_not_cool_and_standby_does() {
     let mut bench = Bench::running(4);
-    bench.host(&[control(1, 0)]).wait(200);
+    bench.host(&[control(1, 0)]).wait_ms(200);
     assert_eq!(bench.ecu.state(), state::STOP);
     assert_eq!(bench.error_and_switch(), (0, 0));
-    bench.wait(5000);
+    bench.wait_ms(5000);
     assert_eq!(bench.ecu.state(), state::STOP);
-    bench.host(&[control(2, 0)]).wait(200);
+    bench.host(&[control(2, 0)]).wait_ms(200);
     assert_eq!(bench.ecu.state(), state::COOLING);
 }
 
@@ -306,21 +306,21 @@ fn stop_does_not_cool_and_standby_does() {
 fn up_to_version_4_silence_is_error_13_and_standby() {
     for version in 1..=4 {
         let mut bench = Bench::running(version);
-        bench.host(&[EMPTY]).wait(10_000);
+        bench.host(&[EMPTY]).wait_ms(10_000);
         assert!(bench.ecu.turbine().phase().is_live(), "ID 0 keeps the connection");
-        bench.host(&[]).wait(900);
+        bench.host(&[]).wait_ms(900);
         assert!(bench.ecu.turbine().phase().is_live());
-        bench.wait(300);
+        bench.wait_ms(300);
         assert_eq!(bench.ecu.turbine().phase(), Phase::Cooling);
         assert_eq!((bench.ecu.error(), bench.ecu.stats.control_losses), (error::CONTROL_LOST, 1));
 
-        // The host is back and still commands run: that must not start the engine.
-        bench.host(&[control(3, 0)]).wait(120_000);
+        // The host is back and still commands run: that is no reason to start.
+        bench.host(&[control(3, 0)]).wait_ms(120_000);
         assert_eq!(bench.error_and_switch(), (13, 1));
         assert_eq!(bench.ecu.turbine().phase(), Phase::Standby);
-        bench.host(&[control(2, 0)]).wait(500);
+        bench.host(&[control(2, 0)]).wait_ms(500);
         assert_eq!(bench.ecu.error(), 0);
-        bench.host(&[control(3, 0)]).wait(500);
+        bench.host(&[control(3, 0)]).wait_ms(500);
         assert_eq!(bench.ecu.state(), state::IGNITION);
     }
 }
@@ -328,9 +328,9 @@ fn up_to_version_4_silence_is_error_13_and_standby() {
 #[test]
 fn from_version_5_silence_changes_nothing() {
     let mut bench = Bench::running(5);
-    bench.host(&[control(3, 700)]).wait(10_000);
+    bench.host(&[control(3, 700)]).wait_ms(10_000);
     let rpm = bench.ecu.turbine().rpm();
-    bench.host(&[]).wait(600_000);
+    bench.host(&[]).wait_ms(600_000);
     assert_eq!((bench.ecu.state(), bench.ecu.error()), (state::RUNNING, 0));
     assert!((bench.ecu.turbine().rpm() - rpm).abs() < 100.0);
 }
@@ -338,7 +338,7 @@ fn from_version_5_silence_changes_nothing() {
 #[test]
 fn id_1_controls_switch_and_throttle_in_mode_1() {
     let mut bench = Bench::running(4);
-    bench.host(&[control(3, 600)]).wait(10_000);
+    bench.host(&[control(3, 600)]).wait_ms(10_000);
     assert!((bench.ecu.turbine().rpm() - 116_000.0).abs() < 100.0);
 }
 
@@ -348,9 +348,9 @@ fn id_6_controls_the_switch_and_id_1_the_throttle_in_mode_2() {
     // SW 0 in ID 1 would be the PWM hand-over; here it has no meaning.
     bench.host(&[switch(3, 0), control(0, 0)]).until(|ecu| ecu.state() == state::MINIMUM);
     assert_eq!(bench.ecu.controlled_by(), ControlledBy::Uart);
-    bench.host(&[switch(3, 0), control(1, 400)]).wait(10_000);
+    bench.host(&[switch(3, 0), control(1, 400)]).wait_ms(10_000);
     assert!((bench.ecu.turbine().rpm() - 94_000.0).abs() < 100.0, "SW 1 in ID 1 has no meaning either");
-    bench.host(&[switch(2, 0), control(3, 400)]).wait(200);
+    bench.host(&[switch(2, 0), control(3, 400)]).wait_ms(200);
     assert_eq!(bench.ecu.state(), state::COOLING);
 }
 
@@ -358,23 +358,23 @@ fn id_6_controls_the_switch_and_id_1_the_throttle_in_mode_2() {
 fn id_6_and_7_control_mode_3_and_id_1_is_ignored() {
     let mut bench = Bench::version(4);
     bench.host(&[switch(3, 4), rpm(2500)]).until(|ecu| ecu.turbine().phase() == Phase::Running);
-    bench.wait(10_000);
+    bench.wait_ms(10_000);
     assert!((bench.ecu.turbine().rpm() - 100_000.0).abs() < 100.0);
     assert_eq!(bench.last(8)[4] >> 4 & 1, 1, "closed loop");
-    bench.once(control(1, 0)).wait(5000);
+    bench.once(control(1, 0)).wait_ms(5000);
     assert!((bench.ecu.turbine().rpm() - 100_000.0).abs() < 100.0);
     assert_eq!(bench.ecu.stats.ignored.mode, 1);
     // Without its own switch, ID 6 leaves the switch unchanged.
-    bench.host(&[switch(0, 3), rpm(2500)]).wait(10_000);
+    bench.host(&[switch(0, 3), rpm(2500)]).wait_ms(10_000);
     assert!((bench.ecu.turbine().rpm() - 75_000.0).abs() < 100.0);
-    bench.host(&[switch(2, 4), rpm(2500)]).wait(200);
+    bench.host(&[switch(2, 4), rpm(2500)]).wait_ms(200);
     assert_eq!(bench.ecu.state(), state::COOLING);
 }
 
 #[test]
 fn id_7_without_a_factor_has_no_meaning() {
     let mut bench = Bench::running(4);
-    bench.once(rpm(3000)).wait(5000);
+    bench.once(rpm(3000)).wait_ms(5000);
     assert!((bench.ecu.turbine().rpm() - 50_000.0).abs() < 100.0);
     assert_eq!(bench.ecu.stats.ignored.mode, 1);
 }
@@ -383,19 +383,19 @@ fn id_7_without_a_factor_has_no_meaning() {
 fn sw_0_hands_the_engine_to_the_pwm_input() {
     let mut bench = Bench::running(4);
     bench.ecu.set_pwm(Some(Pwm { switch: Switch::Run, throttle: 500 }));
-    bench.wait(5000);
+    bench.wait_ms(5000);
     assert!(
         (bench.ecu.turbine().rpm() - 50_000.0).abs() < 100.0,
         "the UART is in control, the PWM input is ignored"
     );
-    bench.host(&[control(0, 0)]).wait(10_000);
+    bench.host(&[control(0, 0)]).wait_ms(10_000);
     assert_eq!(bench.ecu.controlled_by(), ControlledBy::Pwm);
     assert!((bench.ecu.turbine().rpm() - 105_000.0).abs() < 100.0);
     // The host may fall silent: it is not in control.
-    bench.host(&[]).wait(10_000);
+    bench.host(&[]).wait_ms(10_000);
     assert_eq!((bench.ecu.state(), bench.ecu.error()), (state::RUNNING, 0));
     bench.ecu.set_pwm(None);
-    bench.wait(100);
+    bench.wait_ms(100);
     assert_eq!((bench.ecu.state(), bench.ecu.error()), (state::COOLING, error::CONTROL_LOST));
 }
 
@@ -403,7 +403,7 @@ fn sw_0_hands_the_engine_to_the_pwm_input() {
 fn sw_0_with_nothing_on_the_input_stops_a_running_engine() {
     for version in [4, 5] {
         let mut bench = Bench::running(version);
-        bench.host(&[control(0, 0)]).wait(300);
+        bench.host(&[control(0, 0)]).wait_ms(300);
         assert_eq!((bench.ecu.state(), bench.ecu.error()), (state::COOLING, error::CONTROL_LOST));
     }
 }
@@ -426,7 +426,7 @@ fn settings_need_the_unlock_directly_before() {
     assert_eq!(bench.ecu.curve(), 60);
     bench.once(UNLOCK).once(frame(0x50, 71)).once(UNLOCK).once(frame(0x50, 9));
     assert_eq!((bench.ecu.curve(), bench.ecu.stats.bad.range), (60, 2));
-    bench.host(&[EMPTY]).wait(1000);
+    bench.host(&[EMPTY]).wait_ms(1000);
     assert_eq!(bench.last(5)[3..6], [100, 60, 30]);
 }
 
@@ -437,12 +437,12 @@ fn settings_survive_a_loss_of_power_and_the_control_does_not() {
     let now = bench.now;
     bench.ecu.power(now, false);
     let before = bench.seen.len();
-    bench.wait(1000);
+    bench.wait_ms(1000);
     assert_eq!(bench.seen.len(), before);
     assert_eq!(bench.ecu.turbine().fuel_flow(), 0.0);
     let now = bench.now;
     bench.ecu.power(now, true);
-    bench.wait(1000);
+    bench.wait_ms(1000);
     assert_eq!((bench.ecu.curve(), bench.ecu.rate()), (60, Rate::Hz50));
     assert_eq!(
         (bench.ecu.state(), bench.ecu.error(), bench.ecu.controlled_by()),
@@ -454,15 +454,15 @@ fn settings_survive_a_loss_of_power_and_the_control_does_not() {
 fn service_tests_run_for_a_while_and_only_at_rest() {
     for (number, shown) in [(1, 19), (2, 14), (3, 15), (4, 16), (5, 17), (6, 18)] {
         let mut bench = Bench::version(1);
-        bench.once(action(number)).wait(1000);
+        bench.once(action(number)).wait_ms(1000);
         assert_eq!(bench.ecu.state(), shown);
         assert_eq!(bench.ecu.turbine().rpm() > 1000.0, number == 6);
         assert_eq!(bench.ecu.turbine().pump_voltage() > 0.0, matches!(number, 1 | 5));
-        bench.wait(2500);
+        bench.wait_ms(2500);
         assert_eq!(bench.ecu.state(), state::STOP);
 
         let mut bench = Bench::running(1);
-        bench.once(action(number)).wait(100);
+        bench.once(action(number)).wait_ms(100);
         assert_eq!(bench.ecu.state(), state::MINIMUM);
         assert_eq!(bench.ecu.stats.ignored.busy, 1);
     }
@@ -471,26 +471,26 @@ fn service_tests_run_for_a_while_and_only_at_rest() {
 #[test]
 fn the_pump_stays_open_until_it_is_closed() {
     let mut bench = Bench::version(5);
-    bench.once(action(12)).wait(60_000);
+    bench.once(action(12)).wait_ms(60_000);
     assert_eq!(bench.ecu.state(), state::TEST_PUMP);
     assert!(bench.ecu.turbine().fuel_total() > 10.0);
-    bench.once(action(13)).wait(100);
+    bench.once(action(13)).wait_ms(100);
     assert_eq!(bench.ecu.state(), state::STOP);
-    bench.once(action(12)).wait(100);
-    bench.host(&[control(3, 0)]).wait(1000);
+    bench.once(action(12)).wait_ms(100);
+    bench.host(&[control(3, 0)]).wait_ms(1000);
     assert_eq!(bench.ecu.state(), state::IGNITION, "a start ends it");
 }
 
 #[test]
 fn fuel_and_thrust_are_set_to_zero() {
     let mut bench = Bench::running(2);
-    bench.wait(10_000);
+    bench.wait_ms(10_000);
     assert!(bench.ecu.turbine().fuel_total() > 10.0);
-    bench.once(action(10)).wait(100);
+    bench.once(action(10)).wait_ms(100);
     assert!(bench.ecu.turbine().fuel_total() < 1.0);
-    bench.host(&[control(3, 1000)]).wait(10_000);
+    bench.host(&[control(3, 1000)]).wait_ms(10_000);
     assert_eq!(bench.last(4)[5], 82); // 80 N are 8.2 kg
-    bench.once(action(11)).wait(1000);
+    bench.once(action(11)).wait_ms(1000);
     assert_eq!(bench.last(4)[5], 0);
 }
 
@@ -518,17 +518,17 @@ fn what_a_version_does_not_know_it_ignores_and_does_not_answer() {
 #[test]
 fn a_pressure_is_requested_and_taken() {
     let mut bench = Bench::new(ZkConfig { esr: true, ..ZkConfig::new(4) });
-    bench.wait(500);
-    bench.host(&[EMPTY]).wait(1000);
+    bench.wait_ms(500);
+    bench.host(&[EMPTY]).wait_ms(1000);
     assert_eq!(bench.last(8)[4] >> 5 & 1, 1);
     assert_eq!(bench.last(3)[4..6], [0, 0]);
-    bench.host(&[frame(0x83, 0xF5)]).wait(1000);
+    bench.host(&[frame(0x83, 0xF5)]).wait_ms(1000);
     assert_eq!(bench.ecu.pressure(), Some(1013));
     assert!(bench.ecu.stats.pressures > 10);
     assert_eq!(u16::from_le_bytes([bench.last(3)[4], bench.last(3)[5]]), 50_650);
 
     let mut bench = Bench::version(4);
-    bench.host(&[EMPTY]).wait(1000);
+    bench.host(&[EMPTY]).wait_ms(1000);
     assert_eq!(bench.last(8)[4] >> 5 & 1, 0);
 }
 
@@ -539,7 +539,7 @@ fn bad_frames_are_counted_by_reason_and_change_nothing() {
     bench.once(control(3, 1001)).once(action(0)).once(switch(3, 7)); // range
     bench.once(frame(0x90, 0)).once(frame(0xF0, 0)); // ID
     bench.send(&[1, 2, 3]);
-    bench.wait(50);
+    bench.wait_ms(50);
     bench.once(frame(0x0F, 0xFF)); // reserved bits: taken all the same
     let stats = bench.ecu.stats;
     assert_eq!(stats.bad, Bad { crc: 1, range: 3, id: 2 });
@@ -553,10 +553,10 @@ fn bad_frames_are_counted_by_reason_and_change_nothing() {
 #[test]
 fn the_times_between_commands_are_measured() {
     let mut bench = Bench::version(4);
-    bench.host(&[EMPTY]).wait(1000);
+    bench.host(&[EMPTY]).wait_ms(1000);
     let now = bench.now;
-    bench.host(&[]).wait(300);
-    bench.host(&[EMPTY]).wait(20);
+    bench.host(&[]).wait_ms(300);
+    bench.host(&[EMPTY]).wait_ms(20);
     let intervals = bench.ecu.stats.intervals;
     assert_eq!(intervals.count, bench.ecu.stats.accepted - 1);
     assert_eq!(intervals.min, Some(50 * MILLIS));
@@ -577,10 +577,10 @@ fn failures_show_as_errors_until_the_switch_leaves_run() {
         bench.host(&[control(3, 0)]).until(|ecu| ecu.turbine().phase() == Phase::Running || ecu.error() != 0);
         fail(bench.ecu.turbine_mut());
         bench.until(|ecu| ecu.error() != 0);
-        bench.wait(1000);
+        bench.wait_ms(1000);
         assert_eq!(bench.error_and_switch(), (code, 1));
         assert!(!bench.ecu.turbine().phase().is_live());
-        bench.host(&[control(2, 0)]).wait(1000);
+        bench.host(&[control(2, 0)]).wait_ms(1000);
         assert_eq!(bench.error_and_switch(), (0, 1));
     }
 }
@@ -590,7 +590,7 @@ fn unknown_numbers_can_be_reported() {
     let mut bench = Bench::new(ZkConfig { ids: vec![1, 10], ..ZkConfig::new(5) });
     bench.ecu.set_error(Some(29));
     bench.ecu.set_state(Some(25));
-    bench.wait(1000);
+    bench.wait_ms(1000);
     assert_eq!((bench.last(1)[3] & 31, bench.error_and_switch().0), (25, 29));
     assert_eq!(bench.last(10)[0], 0xFA);
 }
@@ -601,7 +601,7 @@ fn how_often_it_is_called_changes_nothing() {
         let mut bench = Bench::new(ZkConfig::new(version));
         bench.host(&[control(3, 0)]);
         for _ in 0..40 * SECOND / every {
-            bench.wait(every / MILLIS);
+            bench.wait_ms(every / MILLIS);
         }
         (bench.seen, bench.ecu.stats, bench.ecu.turbine().rpm())
     };
@@ -621,7 +621,7 @@ fn nothing_that_a_host_sends_upsets_it() {
                 bytes[rng.usize(..4)] = rng.u8(..);
             }
             bench.send(&bytes[..if rng.u8(..) < 16 { rng.usize(..4) } else { 4 }]);
-            bench.wait(rng.u64(5..300));
+            bench.wait_ms(rng.u64(5..300));
             let now = bench.now;
             match rng.u8(..) {
                 0 => bench.ecu.power(now, false),

@@ -5,7 +5,7 @@ mod command;
 mod ecu;
 
 use bench::by_hand::Bench;
-use bench::wired::{self, LONG, received, throttle};
+use bench::wired::{self, LONG, received, throttle_percent};
 use command::{BadCommand, ToyCommand};
 use ecu::ToyEcu;
 use embassy_time::Duration;
@@ -144,11 +144,11 @@ fn toy_link_keeps_its_timing_table() {
     bench.frames();
     for (order, code) in [(RUN, 2), (Order::Doubt(Demand::Throttle(Throttle::IDLE)), 0), (Order::Standby, 1)]
     {
-        bench.order(bench.now_us(), order).unwrap();
+        bench.order_at_us(bench.now_us(), order).unwrap();
         bench.run_to_us(bench.now_us() + 100_000);
         assert_eq!(bench.bytes(), [[0x5A, code]], "{order:?}");
     }
-    assert_eq!(bench.order(bench.now_us(), Order::Pwm), Err(Rejected::NotSupported));
+    assert_eq!(bench.order_at_us(bench.now_us(), Order::Pwm), Err(Rejected::NotSupported));
     bench.events();
     bench.run_to_us(759_999);
     assert_eq!(bench.events(), []);
@@ -178,7 +178,7 @@ fn node_starts_and_stops_a_toy_engine() {
         bench.start().await;
         assert!(bench.plug.ecu(|ecu| ecu.running));
         bench.plug.ecu(|ecu| ecu.overheated = true);
-        bench.command_for(throttle(0), Duration::from_secs(1)).await;
+        bench.command_for(throttle_percent(0), Duration::from_secs(1)).await;
         let faults = any::Faults::Toy(Faults { overheated: true });
         assert_eq!(handle.telemetry().report.faults.unwrap().value, faults);
         assert!(received(&mut events).contains(&Event::Faults(faults)));
@@ -230,7 +230,7 @@ fn node_primes_a_toy_engine_in_standby_only() {
     bench.play(LONG, async {
         bench.start().await;
         assert!(bench.command(prime, Origin::Bench).is_err());
-        bench.command_for(throttle(0), Duration::from_secs(1)).await;
+        bench.command_for(throttle_percent(0), Duration::from_secs(1)).await;
         assert_eq!(primed(), 0);
         bench.command_for(Command::Standby, Duration::from_secs(3)).await;
         assert_eq!(bench.command(prime, Origin::Bench), Ok(Accepted::InForce));
@@ -250,7 +250,7 @@ fn node_takes_settings_of_the_toy_protocol_at_rest() {
         config.set("TOY_SEND_EVERY", 20).unwrap();
         bench.channel.owner().setup().configure_link(&LinkSettings::from(&config)).unwrap();
         let before = received();
-        bench.command_for(throttle(0), Duration::from_secs(1)).await;
+        bench.command_for(throttle_percent(0), Duration::from_secs(1)).await;
         assert_eq!(received() - before, 10, "it runs");
         bench.command_for(Command::Standby, Duration::from_secs(3)).await;
         let before = received();

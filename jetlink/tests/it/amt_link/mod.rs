@@ -42,7 +42,7 @@ const SLOW: Line = Line::new(2400);
 /// Standby is ordered.
 fn amt(config: Config, line: Line) -> Bench<AmtLink> {
     let mut bench = Bench::new(AmtLink::new(config, line, Config::TIMING), line);
-    bench.order(0, Order::Standby).unwrap();
+    bench.order_at_us(0, Order::Standby).unwrap();
     bench
 }
 
@@ -50,7 +50,7 @@ fn default() -> Bench<AmtLink> {
     amt(Config::DEFAULT, SLOW)
 }
 
-fn throttle(tenths: u16) -> Order {
+fn throttle_tenths(tenths: u16) -> Order {
     Order::Run(Demand::Throttle(Throttle::from_tenths(tenths).unwrap()))
 }
 
@@ -95,7 +95,7 @@ fn read_control(bytes: &[u8]) -> (u8, u8) {
 /// The demand is released, and the phase is known.
 fn running() -> Bench<AmtLink> {
     let mut bench = default();
-    bench.order(0, throttle(800)).unwrap();
+    bench.order_at_us(0, throttle_tenths(800)).unwrap();
     for _ in 0..2 {
         reply_to(&mut bench, &normal(FULL_OPERATION, RUN, 100));
     }

@@ -8,14 +8,14 @@ fn amt_10_each_order_has_its_switch_on_the_wire() {
     let mut bench = running();
     let frame = normal(FULL_OPERATION, RUN, 100);
     for (order, ops, half_percents) in [
-        (throttle(0), RUN_OPS, 0),
-        (throttle(1000), RUN_OPS, 200),
-        (throttle(499), RUN_OPS, 99), // never rounded up
+        (throttle_tenths(0), RUN_OPS, 0),
+        (throttle_tenths(1000), RUN_OPS, 200),
+        (throttle_tenths(499), RUN_OPS, 99), // never rounded up
         (Order::Standby, AUTO_OPS, 0),
-        (throttle(5), RUN_OPS, 1),
+        (throttle_tenths(5), RUN_OPS, 1),
         (Order::EmergencyStop, STOP_OPS, 0),
     ] {
-        bench.order(bench.now_us(), order).unwrap();
+        bench.order_at_us(bench.now_us(), order).unwrap();
         assert_eq!(ops_thr(&mut bench, &frame), (ops, half_percents), "{order:?}");
     }
 }
@@ -29,7 +29,7 @@ fn without_an_order_and_in_doubt_no_frame_is_answered() {
         for released in [false, true] {
             let mut bench = default();
             bench.act(|link, _| link.release(released));
-            bench.order(0, order).unwrap();
+            bench.order_at_us(0, order).unwrap();
             for data1 in 0..0xFF {
                 if data1 != 0x05 {
                     assert_eq!(
@@ -46,9 +46,9 @@ fn without_an_order_and_in_doubt_no_frame_is_answered() {
             assert_eq!((counters.frames, counters.sent, counters.replies_missed), (256, 0, 0));
             // The control: orders that are answered.
             for (order, expected) in
-                [(Order::EmergencyStop, STOP_OPS), (Order::Standby, AUTO_OPS), (throttle(0), RUN_OPS)]
+                [(Order::EmergencyStop, STOP_OPS), (Order::Standby, AUTO_OPS), (throttle_tenths(0), RUN_OPS)]
             {
-                bench.order(bench.now_us(), order).unwrap();
+                bench.order_at_us(bench.now_us(), order).unwrap();
                 assert_eq!(answer(&mut bench, &normal(FULL_OPERATION, RUN, 100)), Some((expected, 0)));
             }
         }
@@ -140,7 +140,7 @@ fn an_emergency_stop_is_in_the_next_reply() {
     assert_eq!(ops_thr(&mut bench, &frame), (RUN_OPS, 160));
     let t = bench.now_us();
     bench.rx_at_us(t + 15_000, &frame); // the reply to the first is still going out
-    bench.order(t + 16_000, Order::EmergencyStop).unwrap();
+    bench.order_at_us(t + 16_000, Order::EmergencyStop).unwrap();
     bench.run_to_us(t + 40_000);
     assert_eq!(bench.bytes(), [control(STOP_OPS, 0)]);
     for _ in 0..100 {
@@ -183,25 +183,25 @@ fn amt_13_only_the_service_command_sends_ctf() {
         assert_eq!(ops_thr(&mut bench, &frame).0, CTF_OPS);
     }
     assert_eq!(bench.event_kinds(), [Event::ServiceSent(ctf())]);
-    bench.order(bench.now_us(), throttle(300)).unwrap();
+    bench.order_at_us(bench.now_us(), throttle_tenths(300)).unwrap();
     assert_eq!(ops_thr(&mut bench, &frame).0, CTF_OPS, "a source that streams demands does not call it off");
-    bench.order(bench.now_us(), Order::Standby).unwrap();
+    bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
     assert_eq!(ops_thr(&mut bench, &frame), (AUTO_OPS, 0), "a normal stop is never CTF");
     for (order, ops) in [(Order::EmergencyStop, STOP_OPS), (Order::Standby, AUTO_OPS)] {
-        bench.order(bench.now_us(), order).unwrap();
+        bench.order_at_us(bench.now_us(), order).unwrap();
         assert_eq!(bench.act(|link, now| link.service(now, ctf())), Err(Rejected::NotOrderedToRun));
         assert_eq!(ops_thr(&mut bench, &frame), (ops, 0));
     }
-    bench.order(bench.now_us(), throttle(300)).unwrap();
+    bench.order_at_us(bench.now_us(), throttle_tenths(300)).unwrap();
     assert_eq!(ops_thr(&mut bench, &frame).0, RUN_OPS, "nothing of it is left for the next start");
 }
 
 /// AMT-13: no order, frame or silence causes a CTF.
 #[test]
 fn amt_13_no_order_sends_ctf() {
-    for order in [Order::Standby, Order::EmergencyStop, throttle(700)] {
+    for order in [Order::Standby, Order::EmergencyStop, throttle_tenths(700)] {
         let mut bench = running();
-        bench.order(bench.now_us(), order).unwrap();
+        bench.order_at_us(bench.now_us(), order).unwrap();
         for data1 in (0..0xFF).filter(|data1| *data1 != 0x05) {
             assert_ne!(ops_thr(&mut bench, &[0xFF, data1, 1, 1, 1, 1]).0, CTF_OPS, "{order:?} {data1:#04x}");
         }
@@ -214,7 +214,7 @@ fn amt_14_the_demand_waits_for_its_release() {
     for start_percent in [0, 100] {
         let start_throttle = Throttle::from_percent(start_percent).unwrap();
         let mut bench = amt(Config { start_throttle, ..Config::DEFAULT }, SLOW);
-        bench.order(bench.now_us(), throttle(250)).unwrap();
+        bench.order_at_us(bench.now_us(), throttle_tenths(250)).unwrap();
         for state in [CLEARANCE, STARTING, FULL_OPERATION, FULL_OPERATION, 0b10101] {
             assert_eq!(ops_thr(&mut bench, &normal(state, RUN, 100)), (RUN_OPS, start_percent * 2));
         }
@@ -511,8 +511,8 @@ fn refused_orders_change_nothing() {
     let frame = normal(FULL_OPERATION, RUN, 100);
     let mut bench = running();
     let rpm = Order::Run(Demand::Rpm(Rpm::new(30_000)));
-    assert_eq!(bench.order(bench.now_us(), rpm), Err(Rejected::NoSpeedControl));
-    assert_eq!(bench.order(bench.now_us(), Order::Pwm), Err(Rejected::NotSupported));
+    assert_eq!(bench.order_at_us(bench.now_us(), rpm), Err(Rejected::NoSpeedControl));
+    assert_eq!(bench.order_at_us(bench.now_us(), Order::Pwm), Err(Rejected::NotSupported));
     let zk = Service::Zk(ZkService::Action(zk::codec::Action::Drain));
     assert_eq!(bench.act(|link, now| link.service(now, zk)), Err(Rejected::NotSupported));
     assert_eq!(ops_thr(&mut bench, &frame), (RUN_OPS, 160));

@@ -9,7 +9,7 @@ fn step() -> impl Strategy<Value = Step> {
             .prop_map(|(data1, rest)| Step::Frame([vec![0xFF, data1], rest].concat())),
         1 => Just(Step::Frame(setup("10.35 200131 "))),
         1 => prop::collection::vec(any::<u8>(), 1..8).prop_map(Step::Noise),
-        1 => (0..=1000u16).prop_map(|tenths| Step::Order(throttle(tenths))),
+        1 => (0..=1000u16).prop_map(|tenths| Step::Order(throttle_tenths(tenths))),
         1 => prop_oneof![Just(Order::Standby), Just(Order::EmergencyStop)].prop_map(Step::Order),
         1 => Just(Step::Ctf),
         1 => Just(Step::Timeout),
@@ -28,7 +28,7 @@ proptest! {
         let line = Line::new(baud);
         let mut bench = Bench::new(AmtLink::new(Config::DEFAULT, line, Config::TIMING), line);
         // While nothing is ordered some frames get no answer.
-        bench.order(0, Order::Standby).unwrap();
+        bench.order_at_us(0, Order::Standby).unwrap();
         let (mut stopped, mut runs) = (false, false);
         for (wait, step) in steps {
             let t = bench.now_us() + wait;
@@ -38,7 +38,7 @@ proptest! {
             match step {
                 Step::Frame(bytes) | Step::Noise(bytes) => bench.receive(&bytes),
                 Step::Order(order) => {
-                    bench.order(t, order).unwrap();
+                    bench.order_at_us(t, order).unwrap();
                     stopped = order == Order::EmergencyStop;
                     runs = matches!(order, Order::Run(_));
                 }
@@ -103,7 +103,7 @@ fn check_replies(bench: &mut Bench<AmtLink>, line: Line, stopped: bool) -> Resul
 /// is hot. The control: with a cold one nothing is sent.
 #[test]
 fn amt_14_a_run_resumed_among_error_sets_keeps_the_throttle() {
-    let reset = || engine_after(Config::DEFAULT, Some(RetainedState::new(throttle(640), Origin::Rc)));
+    let reset = || engine_after(Config::DEFAULT, Some(RetainedState::new(throttle_tenths(640), Origin::Rc)));
     let mut bench = reset();
     assert_eq!(answer(&mut bench, &hot(error(0x20))), None, "one hot set is not taken");
     for _ in 0..2 {

@@ -32,7 +32,7 @@ fn amt_11_every_kind_of_frame_gets_one_reply_at_once() {
 #[test]
 fn amt_11_nothing_is_sent_without_a_frame() {
     let mut bench = default();
-    bench.order(0, Order::EmergencyStop).unwrap();
+    bench.order_at_us(0, Order::EmergencyStop).unwrap();
     bench.run_to_us(10_000_000); // silence
     bench.rx_at_us(10_000_000, &[0x00, 0x7F, 0xFE]); // noise
     bench.rx_at_us(11_000_000, &normal(FULL_OPERATION, RUN, 100)[..5]); // a frame but for its last byte
@@ -176,7 +176,7 @@ fn amt_11_the_smallest_margin_of_the_window_is_counted() {
 #[test]
 fn amt_12_the_stream_is_answered_frame_by_frame() {
     let mut bench = default();
-    bench.order(0, throttle(300)).unwrap();
+    bench.order_at_us(0, throttle_tenths(300)).unwrap();
     let frames = 8 * 60;
     for i in 1..=frames {
         let frame = if i % 11 == 0 { alternate(0x18) } else { normal(FULL_OPERATION, RUN, 90) };

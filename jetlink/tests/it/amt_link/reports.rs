@@ -71,7 +71,7 @@ fn amt_4_a_known_engine_changes_only_after_two_reports_of_another() {
     use EngineModel::{Mercury, Olympus, Pegasus, Titan};
     let configured = || {
         let mut bench = amt(Config { engine: Some(Olympus), ..Config::DEFAULT }, SLOW);
-        bench.order(0, Order::Standby).unwrap();
+        bench.order_at_us(0, Order::Standby).unwrap();
         bench
     };
 
@@ -215,7 +215,7 @@ fn amt_8_faults_are_reported_when_they_change() {
 #[test]
 fn amt_8_an_error_set_gives_no_rpm() {
     let mut bench = amt(Config { engine: Some(EngineModel::Titan), ..Config::DEFAULT }, SLOW);
-    bench.order(0, Order::Standby).unwrap();
+    bench.order_at_us(0, Order::Standby).unwrap();
     reply_to(&mut bench, &error(0x20));
     let report = &bench.machine.status().report;
     assert_eq!((report.rpm, report.rpm_raw), (None, None));

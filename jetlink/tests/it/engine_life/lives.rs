@@ -661,18 +661,18 @@ fn a_gap_separates_reports_that_would_agree() {
     }
 }
 
-/// An AMT engine whose order was given up in a gap is found running, its source silent since before the gap. Returns the times
-/// since the last command, in s, at which its demand begins to fall and standby is sent.
-fn silent_over_a_gap(hold: u64, gap: u64) -> (u64, u64) {
+/// When an AMT engine whose order a gap took is found running, its source silent since before the gap: at which time since the last
+/// command its demand begins to fall, and standby goes out, s.
+fn silent_over_a_gap(hold_s: u64, gap_s: u64) -> (u64, u64) {
     let config = Ecu::Amt.with(|rules| {
-        rules.loss.hold = Duration::from_secs(hold);
+        rules.loss.hold = Duration::from_secs(hold_s);
         rules.loss.standby_after = Some(Duration::from_secs(20));
     });
     let mut scenario = Scenario::started_with(Ecu::Amt, config, percent(50));
     scenario.reports(Reports::Running).fly_us(run(50), Origin::Rc, 5 * SECOND);
     scenario.values.half_percents = 100;
     let commanded = scenario.now_us();
-    scenario.silent().pass_us(gap * SECOND);
+    scenario.silent().pass_us(gap_s * SECOND);
     scenario.reports = Some(Reports::Running);
     let (mut falls, mut standby) = (0, 0);
     for _ in 0..1200 {
@@ -689,9 +689,13 @@ fn silent_over_a_gap(hold: u64, gap: u64) -> (u64, u64) {
 
 #[test]
 fn the_stages_of_loss_continue_over_a_gap_that_took_the_order() {
-    for (hold, gap) in [(1, 6), (1, 12), (10, 6), (10, 9), (10, 12)] {
+    for (hold_s, gap_s) in [(1, 6), (1, 12), (10, 6), (10, 9), (10, 12)] {
         // The time to standby begins at the end of the hold.
-        assert_eq!(silent_over_a_gap(hold, gap), (hold.max(gap), hold + 20), "hold {hold} s, gap {gap} s");
+        assert_eq!(
+            silent_over_a_gap(hold_s, gap_s),
+            (hold_s.max(gap_s), hold_s + 20),
+            "hold {hold_s} s, gap {gap_s} s"
+        );
     }
 }
 

@@ -2,12 +2,12 @@
 
 use super::*;
 
-fn loss(hold: u64, safe: u8, ramp: u16, standby_after: Option<u64>) -> Loss {
+fn loss(hold_us: u64, safe_percent: u8, ramp_tenths_per_s: u16, standby_after_us: Option<u64>) -> Loss {
     Loss {
-        hold: micros(hold),
-        throttle: Throttle::from_percent(safe).unwrap(),
-        ramp,
-        standby_after: standby_after.map(micros),
+        hold: micros(hold_us),
+        throttle: Throttle::from_percent(safe_percent).unwrap(),
+        ramp: ramp_tenths_per_s,
+        standby_after: standby_after_us.map(micros),
         ..Loss::DEFAULT
     }
 }

@@ -85,7 +85,7 @@ pub mod zk {
     }
 
     /// ID 1: SW and throttle in 0.1 %.
-    pub fn throttle(sw: u8, tenths: u16) -> [u8; 4] {
+    pub fn throttle_tenths(sw: u8, tenths: u16) -> [u8; 4] {
         let [high, low] = tenths.to_be_bytes();
         control(0x10 | sw << 2 | high, low)
     }

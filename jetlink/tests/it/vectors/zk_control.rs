@@ -62,7 +62,7 @@ fn zk_1_crc_covers_what_the_printed_examples_say() {
     }
 }
 
-fn throttle(switch: Switch, tenths: u16) -> Control {
+fn throttle_tenths(switch: Switch, tenths: u16) -> Control {
     Control::Throttle { switch, throttle: Throttle::from_tenths(tenths).unwrap() }
 }
 
@@ -91,30 +91,30 @@ fn pressure(hectopascals: u16) -> Control {
 fn control_vectors() -> Vec<(Control, [u8; 4])> {
     vec![
         (Control::KeepAlive, [0xFF, 0x00, 0x00, 0x00]),
-        (throttle(Switch::Pwm, 0), [0xFF, 0x10, 0x00, 0xEC]),
-        (throttle(Switch::Pwm, 100), [0xFF, 0x10, 0x64, 0xE8]),
-        (throttle(Switch::Pwm, 255), [0xFF, 0x10, 0xFF, 0xD9]),
-        (throttle(Switch::Pwm, 256), [0xFF, 0x11, 0x00, 0x28]),
-        (throttle(Switch::Pwm, 500), [0xFF, 0x11, 0xF4, 0x3D]),
-        (throttle(Switch::Pwm, 1000), [0xFF, 0x13, 0xE8, 0x92]),
-        (throttle(Switch::Stop, 0), [0xFF, 0x14, 0x00, 0xD7]),
-        (throttle(Switch::Stop, 100), [0xFF, 0x14, 0x64, 0xD3]),
-        (throttle(Switch::Stop, 255), [0xFF, 0x14, 0xFF, 0xE2]),
-        (throttle(Switch::Stop, 256), [0xFF, 0x15, 0x00, 0x13]),
-        (throttle(Switch::Stop, 500), [0xFF, 0x15, 0xF4, 0x06]),
-        (throttle(Switch::Stop, 1000), [0xFF, 0x17, 0xE8, 0xA9]),
-        (throttle(Switch::Standby, 0), [0xFF, 0x18, 0x00, 0x9A]),
-        (throttle(Switch::Standby, 100), [0xFF, 0x18, 0x64, 0x9E]),
-        (throttle(Switch::Standby, 255), [0xFF, 0x18, 0xFF, 0xAF]),
-        (throttle(Switch::Standby, 256), [0xFF, 0x19, 0x00, 0x5E]),
-        (throttle(Switch::Standby, 500), [0xFF, 0x19, 0xF4, 0x4B]),
-        (throttle(Switch::Standby, 1000), [0xFF, 0x1B, 0xE8, 0xE4]),
-        (throttle(Switch::Run, 0), [0xFF, 0x1C, 0x00, 0xA1]),
-        (throttle(Switch::Run, 100), [0xFF, 0x1C, 0x64, 0xA5]),
-        (throttle(Switch::Run, 255), [0xFF, 0x1C, 0xFF, 0x94]),
-        (throttle(Switch::Run, 256), [0xFF, 0x1D, 0x00, 0x65]),
-        (throttle(Switch::Run, 500), [0xFF, 0x1D, 0xF4, 0x70]),
-        (throttle(Switch::Run, 1000), [0xFF, 0x1F, 0xE8, 0xDF]),
+        (throttle_tenths(Switch::Pwm, 0), [0xFF, 0x10, 0x00, 0xEC]),
+        (throttle_tenths(Switch::Pwm, 100), [0xFF, 0x10, 0x64, 0xE8]),
+        (throttle_tenths(Switch::Pwm, 255), [0xFF, 0x10, 0xFF, 0xD9]),
+        (throttle_tenths(Switch::Pwm, 256), [0xFF, 0x11, 0x00, 0x28]),
+        (throttle_tenths(Switch::Pwm, 500), [0xFF, 0x11, 0xF4, 0x3D]),
+        (throttle_tenths(Switch::Pwm, 1000), [0xFF, 0x13, 0xE8, 0x92]),
+        (throttle_tenths(Switch::Stop, 0), [0xFF, 0x14, 0x00, 0xD7]),
+        (throttle_tenths(Switch::Stop, 100), [0xFF, 0x14, 0x64, 0xD3]),
+        (throttle_tenths(Switch::Stop, 255), [0xFF, 0x14, 0xFF, 0xE2]),
+        (throttle_tenths(Switch::Stop, 256), [0xFF, 0x15, 0x00, 0x13]),
+        (throttle_tenths(Switch::Stop, 500), [0xFF, 0x15, 0xF4, 0x06]),
+        (throttle_tenths(Switch::Stop, 1000), [0xFF, 0x17, 0xE8, 0xA9]),
+        (throttle_tenths(Switch::Standby, 0), [0xFF, 0x18, 0x00, 0x9A]),
+        (throttle_tenths(Switch::Standby, 100), [0xFF, 0x18, 0x64, 0x9E]),
+        (throttle_tenths(Switch::Standby, 255), [0xFF, 0x18, 0xFF, 0xAF]),
+        (throttle_tenths(Switch::Standby, 256), [0xFF, 0x19, 0x00, 0x5E]),
+        (throttle_tenths(Switch::Standby, 500), [0xFF, 0x19, 0xF4, 0x4B]),
+        (throttle_tenths(Switch::Standby, 1000), [0xFF, 0x1B, 0xE8, 0xE4]),
+        (throttle_tenths(Switch::Run, 0), [0xFF, 0x1C, 0x00, 0xA1]),
+        (throttle_tenths(Switch::Run, 100), [0xFF, 0x1C, 0x64, 0xA5]),
+        (throttle_tenths(Switch::Run, 255), [0xFF, 0x1C, 0xFF, 0x94]),
+        (throttle_tenths(Switch::Run, 256), [0xFF, 0x1D, 0x00, 0x65]),
+        (throttle_tenths(Switch::Run, 500), [0xFF, 0x1D, 0xF4, 0x70]),
+        (throttle_tenths(Switch::Run, 1000), [0xFF, 0x1F, 0xE8, 0xDF]),
         (Control::Action(Action::Drain), [0xFF, 0x20, 0x01, 0x9F]),
         (Control::Action(Action::TestGlowPlug), [0xFF, 0x20, 0x02, 0x7D]),
         (Control::Action(Action::TestMainValve), [0xFF, 0x20, 0x03, 0x23]),
@@ -174,8 +174,8 @@ fn zk_2_control_frames_have_these_bytes() {
 /// ZK-2: the examples that the document prints.
 #[test]
 fn zk_2_the_printed_control_examples_are_what_is_sent() {
-    assert_eq!(throttle(Switch::Stop, 100).encode(), [0xFF, 0x14, 0x64, 0xD3]);
-    assert_eq!(throttle(Switch::Run, 500).encode(), [0xFF, 0x1D, 0xF4, 0x70]);
+    assert_eq!(throttle_tenths(Switch::Stop, 100).encode(), [0xFF, 0x14, 0x64, 0xD3]);
+    assert_eq!(throttle_tenths(Switch::Run, 500).encode(), [0xFF, 0x1D, 0xF4, 0x70]);
 }
 
 /// ZK-2: reserved bits are sent as 0; a frame with one set is not from our host.
@@ -284,7 +284,7 @@ fn zk_7_each_command_needs_its_version() {
 fn zk_8_switches_are_numbered_apart_as_sent_and_as_reported() {
     // sent: SW in byte 1 bits 3 and 2
     for (switch, sent) in [(Switch::Pwm, 0), (Switch::Stop, 1), (Switch::Standby, 2), (Switch::Run, 3)] {
-        assert_eq!(throttle(switch, 0).encode()[1], 0x10 | sent << 2);
+        assert_eq!(throttle_tenths(switch, 0).encode()[1], 0x10 | sent << 2);
     }
     // reported: SwSt in byte 4 bits 6 and 5
     for (reported, name, code) in [

@@ -11,18 +11,18 @@ fn in_doubt_only_keep_alives_and_in_mode_3_the_rpm_are_sent() {
         Order::Doubt(demand)
     };
     for (split_switch, version, order, expected) in [
-        (false, 3, throttle(600), vec![zk::keep_alive(); 4]),
-        (false, 5, throttle(600), vec![zk::keep_alive(); 4]),
-        (true, 5, throttle(600), vec![zk::keep_alive(); 4]),
+        (false, 3, throttle_tenths(600), vec![zk::keep_alive(); 4]),
+        (false, 5, throttle_tenths(600), vec![zk::keep_alive(); 4]),
+        (true, 5, throttle_tenths(600), vec![zk::keep_alive(); 4]),
         (false, 5, rpm(100_000), vec![zk::keep_alive(), zk::rpm(2500), zk::keep_alive(), zk::rpm(2500)]),
     ] {
         let mut bench = ecu_with(Config { split_switch, ..Config::DEFAULT }, version, 160);
-        bench.order(bench.now_us(), Order::Standby).unwrap();
+        bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
         runs(&mut bench);
-        bench.order(bench.now_us(), order).unwrap();
+        bench.order_at_us(bench.now_us(), order).unwrap();
         assert!(slots(&mut bench, 4).iter().any(|frame| frame[..] != zk::keep_alive()), "the control");
         bench.run_to_us(bench.now_us() + 20_000);
-        bench.order(bench.now_us(), doubt(order)).unwrap();
+        bench.order_at_us(bench.now_us(), doubt(order)).unwrap();
         let mut frames = slots(&mut bench, 4);
         if frames[0] != expected[0] {
             frames.rotate_left(1);
@@ -38,7 +38,7 @@ fn in_doubt_only_keep_alives_and_in_mode_3_the_rpm_are_sent() {
         assert_eq!(frames, expected, "{order:?} of version {version}, lost");
         // A stop and a standby go out blind.
         for (order, sw) in [(Order::Standby, STANDBY), (Order::EmergencyStop, STOP)] {
-            bench.order(bench.now_us(), order).unwrap();
+            bench.order_at_us(bench.now_us(), order).unwrap();
             bench.run_to_us(bench.now_us() + 10 * SEND_SLOT_US);
             let frames = bench.bytes();
             assert!(
@@ -49,7 +49,7 @@ fn in_doubt_only_keep_alives_and_in_mode_3_the_rpm_are_sent() {
     }
     // With no mode 3 in force an rpm in doubt is ID 0.
     let mut bench = ecu(5);
-    bench.order(bench.now_us(), doubt(rpm(100_000))).unwrap();
+    bench.order_at_us(bench.now_us(), doubt(rpm(100_000))).unwrap();
     assert_eq!(slots(&mut bench, 10), vec![zk::keep_alive().to_vec(); 10]);
 }
 
@@ -61,12 +61,12 @@ fn the_pump_is_closed_by_ten_frames_beside_every_stop() {
         for version in [None, Some(3), Some(5)] {
             for voltage in [None, Some(12), Some(0)] {
                 let mut bench = version.map_or_else(|| link(Config::DEFAULT, LINE), ecu);
-                bench.order(bench.now_us(), Order::Standby).unwrap();
+                bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
                 bench.run_to_us(bench.now_us() + 60_000);
                 bench.frames();
                 bench.act(|link, _| link.close_pump());
                 assert!(bench.machine.service_frames().closing_pump);
-                bench.order(bench.now_us(), order).unwrap();
+                bench.order_at_us(bench.now_us(), order).unwrap();
                 let mut frames = Vec::new();
                 for _ in 0..40 {
                     bench.run_to_us(bench.now_us() + SEND_SLOT_US);
@@ -95,7 +95,7 @@ fn the_pump_is_closed_by_ten_frames_beside_every_stop() {
     }
     // The control: a link without an open pump.
     let mut bench = ecu(5);
-    bench.order(bench.now_us(), Order::Standby).unwrap();
+    bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
     assert!(slots(&mut bench, 40).iter().all(|frame| id(frame) == 1));
 }
 
@@ -104,7 +104,7 @@ fn the_pump_is_closed_by_ten_frames_beside_every_stop() {
 fn zk_13_closing_the_pump_does_not_separate_an_unlock_from_its_command() {
     for slots_before in 0..4 {
         let mut bench = ecu(5);
-        bench.order(bench.now_us(), Order::Standby).unwrap();
+        bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
         bench.run_to_us(bench.now_us() + 60_000);
         bench.act(|link, _| link.close_pump());
         slots(&mut bench, slots_before + 1);

@@ -7,12 +7,12 @@ use jetlink::link::LinkRecord;
 #[test]
 fn zk_8_an_emergency_stop_does_not_wait_for_its_slot() {
     let mut bench = running(3);
-    bench.order(60_000, throttle(900)).unwrap();
+    bench.order_at_us(60_000, throttle_tenths(900)).unwrap();
     bench.run_to_us(120_000);
     bench.frames();
-    bench.order(123_456, Order::EmergencyStop).unwrap();
+    bench.order_at_us(123_456, Order::EmergencyStop).unwrap();
     bench.run_to_us(250_000);
-    let stop = zk::throttle(STOP, 0).to_vec();
+    let stop = zk::throttle_tenths(STOP, 0).to_vec();
     let expected: Vec<_> = [123_456, 150_000, 200_000, 250_000].map(|at| (at, stop.clone())).into();
     assert_eq!(bench.frames(), expected);
 }
@@ -21,24 +21,24 @@ fn zk_8_an_emergency_stop_does_not_wait_for_its_slot() {
 #[test]
 fn an_emergency_stop_follows_a_running_transmission_at_once() {
     let mut bench = running(3);
-    bench.order(60_000, throttle(900)).unwrap();
+    bench.order_at_us(60_000, throttle_tenths(900)).unwrap();
     bench.run_to_us(100_000); // the frame of this slot takes 4167 µs
     bench.frames();
-    bench.order(101_000, Order::EmergencyStop).unwrap();
+    bench.order_at_us(101_000, Order::EmergencyStop).unwrap();
     bench.run_to_us(140_000);
-    assert_eq!(bench.frames(), [(104_167, zk::throttle(STOP, 0).to_vec())]);
+    assert_eq!(bench.frames(), [(104_167, zk::throttle_tenths(STOP, 0).to_vec())]);
 }
 
 /// The same when that transmission fails.
 #[test]
 fn an_emergency_stop_follows_a_failed_transmission_at_once() {
     let mut bench = running(3).by_hand();
-    bench.order(60_000, throttle(900)).unwrap();
+    bench.order_at_us(60_000, throttle_tenths(900)).unwrap();
     bench.run_to_us(100_000);
     bench.frames();
-    bench.order(101_000, Order::EmergencyStop).unwrap();
+    bench.order_at_us(101_000, Order::EmergencyStop).unwrap();
     bench.not_sent_at_us(102_000, NotSent::Failed);
-    assert_eq!(bench.frames(), [(102_000, zk::throttle(STOP, 0).to_vec())]);
+    assert_eq!(bench.frames(), [(102_000, zk::throttle_tenths(STOP, 0).to_vec())]);
 }
 
 /// ZK-9: in mode 3 the first frame of a stop is the one that the ECU obeys: ID 6 with RPM_X = 0.
@@ -46,12 +46,12 @@ fn an_emergency_stop_follows_a_failed_transmission_at_once() {
 fn zk_9_an_emergency_stop_in_mode_3_begins_with_id_6() {
     for slots_before in 2..=5 {
         let mut bench = running(4);
-        bench.order(bench.now_us(), rpm(100_000)).unwrap();
+        bench.order_at_us(bench.now_us(), rpm(100_000)).unwrap();
         slots(&mut bench, slots_before);
         let t = bench.now_us() + 17_000;
         bench.run_to_us(t); // the frame behind a new RPM_X is also out
         bench.frames();
-        bench.order(t, Order::EmergencyStop).unwrap();
+        bench.order_at_us(t, Order::EmergencyStop).unwrap();
         assert_eq!(bench.frames(), [(t, zk::mode(0, STOP).to_vec())], "{slots_before}");
     }
 }
@@ -63,11 +63,11 @@ fn an_emergency_stop_pre_empts_everything() {
     bench.receive(&zk::identity(160, 5, 0)); // at 20 Hz: the rate is not as wanted
     bench.receive(&zk::idle(30, true)); // requests pressure
     pressure(&mut bench, 1013);
-    bench.order(bench.now_us(), Order::Standby).unwrap();
+    bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
     service(&mut bench, curve(30)).unwrap();
-    bench.order(bench.now_us(), Order::EmergencyStop).unwrap();
-    // As ID 1, and as ID 6 in case another host used it.
-    let stops = [zk::throttle(STOP, 0), zk::mode(0, STOP)];
+    bench.order_at_us(bench.now_us(), Order::EmergencyStop).unwrap();
+    // By ID 1, and in case that another host used it by ID 6.
+    let stops = [zk::throttle_tenths(STOP, 0), zk::mode(0, STOP)];
     let frames = slots(&mut bench, 200);
     assert_eq!(frames[..2], stops);
     for frame in &frames {
@@ -82,19 +82,20 @@ fn an_emergency_stop_pre_empts_everything() {
 /// ID 1.
 #[test]
 fn zk_9_an_emergency_stop_alternates_id_1_and_id_6() {
-    for (before, first) in [(throttle(500), [1, 6]), (Order::Standby, [1, 6]), (rpm(80_000), [6, 1])] {
+    for (before, first) in [(throttle_tenths(500), [1, 6]), (Order::Standby, [1, 6]), (rpm(80_000), [6, 1])] {
         for version in [4, 5] {
             let mut bench = running(version);
-            bench.order(bench.now_us(), before).unwrap();
+            bench.order_at_us(bench.now_us(), before).unwrap();
             slots(&mut bench, 4);
             bench.run_to_us(bench.now_us() + 20_000);
             bench.frames();
-            bench.order(bench.now_us(), Order::EmergencyStop).unwrap();
+            bench.order_at_us(bench.now_us(), Order::EmergencyStop).unwrap();
             // Also when the ECU falls silent, and its version with it is forgotten.
             bench.run_to_us(bench.now_us() + 20 * SEND_SLOT_US);
             let frames = bench.bytes();
             for (at, frame) in frames.iter().enumerate() {
-                let expected = if first[at % 2] == 1 { zk::throttle(STOP, 0) } else { zk::mode(0, STOP) };
+                let expected =
+                    if first[at % 2] == 1 { zk::throttle_tenths(STOP, 0) } else { zk::mode(0, STOP) };
                 assert_eq!(frame[..], expected, "version {version}, {before:?}: {:?}", ids(&frames));
             }
         }
@@ -107,9 +108,9 @@ fn zk_9_an_emergency_stop_alternates_id_1_and_id_6() {
 fn zk_9_an_emergency_stop_below_version_4_is_id_1() {
     for version in [1, 3] {
         let mut bench = met_running(version);
-        bench.order(bench.now_us(), Order::EmergencyStop).unwrap();
+        bench.order_at_us(bench.now_us(), Order::EmergencyStop).unwrap();
         for frame in slots(&mut bench, 10) {
-            assert_eq!(frame, zk::throttle(STOP, 0), "{version:?}");
+            assert_eq!(frame, zk::throttle_tenths(STOP, 0), "{version:?}");
         }
     }
     for version in [None, Some(3), Some(4)] {
@@ -119,11 +120,11 @@ fn zk_9_an_emergency_stop_below_version_4_is_id_1() {
             bench.receive(&zk::identity(160, version, 0));
         }
         bench.frames();
-        bench.order(bench.now_us(), Order::EmergencyStop).unwrap();
+        bench.order_at_us(bench.now_us(), Order::EmergencyStop).unwrap();
         bench.run_to_us(1_000_000);
         let frames = bench.bytes();
         for (at, frame) in frames.iter().enumerate() {
-            let expected = if at % 2 == 0 { zk::throttle(STOP, 0) } else { zk::mode(0, STOP) };
+            let expected = if at % 2 == 0 { zk::throttle_tenths(STOP, 0) } else { zk::mode(0, STOP) };
             assert_eq!(frame[..], expected, "{version:?}: {:?}", ids(&frames));
         }
     }
@@ -138,10 +139,10 @@ fn zk_9_after_a_reset_a_stop_and_a_standby_are_sent_in_id_1_and_id_6() {
         bench.act(|link, _| link.restore(LinkRecord::new(1)));
         bench.run_to_us(10_000);
         bench.frames();
-        bench.order(bench.now_us(), order).unwrap();
+        bench.order_at_us(bench.now_us(), order).unwrap();
         bench.run_to_us(1_000_000);
         let frames = bench.bytes();
-        assert_eq!(frames[..2], [zk::mode(0, sw), zk::throttle(sw, 0)], "{order:?}");
+        assert_eq!(frames[..2], [zk::mode(0, sw), zk::throttle_tenths(sw, 0)], "{order:?}");
         for both in frames.windows(2) {
             assert_ne!(id(&both[0]), id(&both[1]), "{order:?}: {:?}", ids(&frames));
         }
@@ -149,12 +150,12 @@ fn zk_9_after_a_reset_a_stop_and_a_standby_are_sent_in_id_1_and_id_6() {
     }
     let mut bench = link(Config::DEFAULT, LINE);
     bench.act(|link, _| link.restore(LinkRecord::new(1)));
-    bench.order(bench.now_us(), throttle(300)).unwrap();
+    bench.order_at_us(bench.now_us(), throttle_tenths(300)).unwrap();
     assert_eq!(ids(&slots(&mut bench, 10))[1..], [1; 9], "version not known");
     // Without the record a standby is ID 1, and there is nothing to record.
     let mut bench = link(Config::DEFAULT, LINE);
     assert_eq!(bench.machine.record(), LinkRecord::EMPTY);
-    bench.order(bench.now_us(), Order::Standby).unwrap();
+    bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
     assert_eq!(ids(&slots(&mut bench, 10))[1..], [1; 9]);
 }
 
@@ -162,37 +163,52 @@ fn zk_9_after_a_reset_a_stop_and_a_standby_are_sent_in_id_1_and_id_6() {
 /// slot. ZK-8: a hand-over is sent in ID 1 before ID 6 releases the switch.
 #[test]
 fn zk_9_the_two_frames_of_an_order_are_sent_in_a_safe_sequence() {
-    let (run, demand) = (throttle(300), rpm(80_000));
+    let (run, demand) = (throttle_tenths(300), rpm(80_000));
     for (split_switch, before, after, first) in [
-        (true, Order::Standby, run, vec![zk::throttle(RUN, 300), zk::mode(0, RUN)]),
-        (true, run, Order::Standby, vec![zk::mode(0, STANDBY), zk::throttle(STANDBY, 0)]),
-        (true, run, Order::EmergencyStop, vec![zk::mode(0, STOP), zk::throttle(STOP, 0)]),
-        (true, run, Order::Pwm, vec![zk::throttle(PWM, 0), zk::mode(0, PWM), zk::throttle(PWM, 0)]),
-        (false, demand, Order::Pwm, vec![zk::throttle(PWM, 0), zk::mode(0, PWM), zk::throttle(PWM, 0)]),
-        (false, run, Order::Pwm, vec![zk::throttle(PWM, 0), zk::throttle(PWM, 0)]),
+        (true, Order::Standby, run, vec![zk::throttle_tenths(RUN, 300), zk::mode(0, RUN)]),
+        (true, run, Order::Standby, vec![zk::mode(0, STANDBY), zk::throttle_tenths(STANDBY, 0)]),
+        (true, run, Order::EmergencyStop, vec![zk::mode(0, STOP), zk::throttle_tenths(STOP, 0)]),
+        (
+            true,
+            run,
+            Order::Pwm,
+            vec![zk::throttle_tenths(PWM, 0), zk::mode(0, PWM), zk::throttle_tenths(PWM, 0)],
+        ),
+        (
+            false,
+            demand,
+            Order::Pwm,
+            vec![zk::throttle_tenths(PWM, 0), zk::mode(0, PWM), zk::throttle_tenths(PWM, 0)],
+        ),
+        (false, run, Order::Pwm, vec![zk::throttle_tenths(PWM, 0), zk::throttle_tenths(PWM, 0)]),
         (false, run, demand, vec![zk::rpm(2000), zk::mode(4, RUN), zk::rpm(2000), zk::mode(4, RUN)]),
-        (false, demand, run, vec![zk::throttle(RUN, 300), zk::mode(0, RUN), zk::throttle(RUN, 300)]),
+        (
+            false,
+            demand,
+            run,
+            vec![zk::throttle_tenths(RUN, 300), zk::mode(0, RUN), zk::throttle_tenths(RUN, 300)],
+        ),
         (
             false,
             demand,
             Order::Standby,
-            vec![zk::mode(0, STANDBY), zk::throttle(STANDBY, 0), zk::mode(0, STANDBY)],
+            vec![zk::mode(0, STANDBY), zk::throttle_tenths(STANDBY, 0), zk::mode(0, STANDBY)],
         ),
         (
             false,
             demand,
             Order::EmergencyStop,
-            vec![zk::mode(0, STOP), zk::throttle(STOP, 0), zk::mode(0, STOP)],
+            vec![zk::mode(0, STOP), zk::throttle_tenths(STOP, 0), zk::mode(0, STOP)],
         ),
     ] {
         let mut bench = ecu_with(Config { split_switch, ..Config::DEFAULT }, 4, 160);
-        bench.order(bench.now_us(), Order::Standby).unwrap();
+        bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
         runs(&mut bench);
-        bench.order(bench.now_us(), before).unwrap();
+        bench.order_at_us(bench.now_us(), before).unwrap();
         slots(&mut bench, 5);
         bench.run_to_us(bench.now_us() + 20_000);
         bench.frames();
-        bench.order(bench.now_us(), after).unwrap();
+        bench.order_at_us(bench.now_us(), after).unwrap();
         bench.run_to_us(bench.now_us() + 5 * SEND_SLOT_US);
         let frames = bench.frames();
         let sent: Vec<_> = frames.iter().take(first.len()).map(|(_, frame)| &frame[..]).collect();
@@ -225,7 +241,7 @@ fn zk_9_the_two_frames_of_an_order_are_sent_in_a_safe_sequence() {
 fn zk_9_nothing_comes_between_a_new_rpm_x_and_its_partner() {
     let mut bench = running(4);
     bench.receive(&zk::idle(30, true)); // requests pressure
-    bench.order(bench.now_us(), rpm(100_000)).unwrap();
+    bench.order_at_us(bench.now_us(), rpm(100_000)).unwrap();
     bench.run_to_us(101_000); // the ID 6 of 100 ms is going out
     pressure(&mut bench, 1013);
     bench.run_to_us(140_000);
@@ -240,18 +256,18 @@ fn zk_9_rpm_x_stays_with_the_order() {
     let modes = |bench: &mut Bench<ZkLink>| -> Vec<u8> {
         slots(bench, 6).iter().filter(|frame| id(frame) == 6).map(|frame| frame[2] >> 2).collect()
     };
-    bench.order(bench.now_us(), rpm(40_000)).unwrap();
+    bench.order_at_us(bench.now_us(), rpm(40_000)).unwrap();
     assert!(modes(&mut bench).iter().all(|x| *x == 4));
     for _ in 0..2 {
         bench.receive(&zk::identity(80, 4, 0));
     }
     assert_eq!(bench.machine.status().report.max_rpm.unwrap().value.get(), 80_000);
     assert!(modes(&mut bench).iter().all(|x| *x == 4));
-    bench.order(bench.now_us(), rpm(50_000)).unwrap(); // a new number is no new order
+    bench.order_at_us(bench.now_us(), rpm(50_000)).unwrap(); // a new number is no new order
     assert!(modes(&mut bench).iter().all(|x| *x == 4));
-    bench.order(bench.now_us(), throttle(0)).unwrap();
+    bench.order_at_us(bench.now_us(), throttle_tenths(0)).unwrap();
     assert!(modes(&mut bench).iter().all(|x| *x == 0));
-    bench.order(bench.now_us(), rpm(50_000)).unwrap();
+    bench.order_at_us(bench.now_us(), rpm(50_000)).unwrap();
     let modes = modes(&mut bench);
     assert!(!modes.is_empty() && modes.iter().all(|x| *x == 2), "{modes:?}");
 }
@@ -260,53 +276,53 @@ fn zk_9_rpm_x_stays_with_the_order() {
 /// Version 3 does not know ID 6 (ZK-7).
 #[test]
 fn zk_9_an_ecu_that_ran_already_gets_its_switch_by_id_6() {
-    let order = throttle(200);
+    let order = throttle_tenths(200);
     let mut bench = met_running(4);
-    bench.order(bench.now_us(), order).unwrap();
+    bench.order_at_us(bench.now_us(), order).unwrap();
     let frames = slots(&mut bench, 2);
-    for frame in [zk::mode(0, RUN), zk::throttle(RUN, 200)] {
+    for frame in [zk::mode(0, RUN), zk::throttle_tenths(RUN, 200)] {
         assert!(frames.contains(&frame.to_vec()), "{frames:02x?}");
     }
     let mut old = met_running(3);
-    old.order(old.now_us(), order).unwrap();
+    old.order_at_us(old.now_us(), order).unwrap();
     assert_eq!(ids(&slots(&mut old, 10)), [1; 10], "version 3");
     let mut at_rest = ecu(4);
-    at_rest.order(at_rest.now_us(), order).unwrap();
+    at_rest.order_at_us(at_rest.now_us(), order).unwrap();
     assert_eq!(ids(&slots(&mut at_rest, 10)), [1; 10], "it was at rest");
     // A version from a single report is not used.
     let mut once = link(Config::DEFAULT, LINE);
     once.receive(&zk::identity(160, 4, 0));
     runs(&mut once);
-    once.order(once.now_us(), order).unwrap();
+    once.order_at_us(once.now_us(), order).unwrap();
     assert_eq!(ids(&slots(&mut once, 10))[1..], [1; 9], "one report");
 }
 
 /// ZK-9: an ECU that obeyed the switch in ID 1 before a reset, as the record says, continues to get it there, also after another reset.
 #[test]
 fn zk_9_after_a_reset_a_switch_of_id_1_stays_there() {
-    let order = throttle(200);
+    let order = throttle_tenths(200);
     let mut before = ecu(4);
     before.receive(&zk::status(1, 0, [STATE_STANDBY, 1 << 5, 76]));
-    before.order(before.now_us(), order).unwrap();
+    before.order_at_us(before.now_us(), order).unwrap();
     let mut record = before.machine.record();
     for _ in 0..2 {
         let mut bench = met_running(4);
         bench.act(|link, _| link.restore(record));
-        bench.order(bench.now_us(), order).unwrap();
+        bench.order_at_us(bench.now_us(), order).unwrap();
         assert_eq!(ids(&slots(&mut bench, 10)), [1; 10]);
         record = bench.machine.record();
-        // The order ends, and the engine is found running once more: its switch is unknown.
-        bench.order(bench.now_us(), Order::Listen).unwrap();
-        bench.order(bench.now_us(), order).unwrap();
+        // The order ends, and the engine is found running once more: nothing is known of it.
+        bench.order_at_us(bench.now_us(), Order::Listen).unwrap();
+        bench.order_at_us(bench.now_us(), order).unwrap();
         assert!(ids(&slots(&mut bench, 10)).contains(&6));
     }
-    // The switch is unknown if the state was unknown at the order, or the engine was found running.
-    let mut unheard = ecu(4);
-    unheard.order(unheard.now_us(), order).unwrap();
-    assert_eq!(unheard.machine.record(), LinkRecord::EMPTY);
+    // Nothing is known of a switch where the state was not known at the order, or the engine was found running.
+    let mut unknown = ecu(4);
+    unknown.order_at_us(unknown.now_us(), order).unwrap();
+    assert_eq!(unknown.machine.record(), LinkRecord::EMPTY);
     let mut listening = met_running(4);
     assert_eq!(listening.machine.record(), LinkRecord::EMPTY);
-    listening.order(listening.now_us(), order).unwrap();
+    listening.order_at_us(listening.now_us(), order).unwrap();
     assert_eq!(listening.machine.record(), LinkRecord::EMPTY, "not sent yet");
     slots(&mut listening, 2);
     assert_eq!(listening.machine.record(), LinkRecord::new(1));
@@ -317,11 +333,11 @@ fn zk_9_after_a_reset_a_switch_of_id_1_stays_there() {
 #[test]
 fn zk_9_an_ecu_that_does_not_follow_gets_its_switch_by_id_6() {
     // SwSt: 0 stop, 1 standby, 2 run.
-    for (order, follows, others) in [(Order::Standby, 1, [0, 2, 3]), (throttle(0), 2, [0, 1, 3])] {
+    for (order, follows, others) in [(Order::Standby, 1, [0, 2, 3]), (throttle_tenths(0), 2, [0, 1, 3])] {
         let engine_status = |switch: u8| zk::status(1, 0, [STATE_STANDBY, switch << 5, 76]);
         let uses_id6 = |version: u8, reports: &[(u64, u8)]| {
             let mut bench = ecu(version);
-            bench.order(100_000, order).unwrap();
+            bench.order_at_us(100_000, order).unwrap();
             for (after, switch) in reports {
                 received_to(&mut bench, 100_000 + after);
                 bench.receive(&engine_status(*switch));
@@ -358,7 +374,7 @@ fn zk_9_an_ecu_found_in_mode_3_is_reached_in_time() {
             for _ in 0..2 {
                 bench.receive(&zk::identity(160, 4, 0));
             }
-            bench.order(0, order).unwrap();
+            bench.order_at_us(0, order).unwrap();
             let mut obeyed_at = None;
             for step in 1..=40u64 {
                 bench.rx_at_us(step * 50_000 + 20_000, &zk::state(STATE_RUNNING));
@@ -446,11 +462,12 @@ fn without_an_emergency_stop_all_frames_are_sent() {
     }
     bench.receive(&zk::idle(30, true));
     pressure(&mut bench, 1013);
-    bench.order(bench.now_us(), Order::Standby).unwrap();
+    bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
     service(&mut bench, curve(30)).unwrap();
     bench.run_to_us(240_000);
     let frames = bench.bytes();
-    for expected in [zk::action(8), zk::unlock(), zk::curve(30), zk::pressure(1013), zk::throttle(STANDBY, 0)]
+    for expected in
+        [zk::action(8), zk::unlock(), zk::curve(30), zk::pressure(1013), zk::throttle_tenths(STANDBY, 0)]
     {
         assert!(frames.contains(&expected.to_vec()), "{expected:02x?} in {frames:02x?}");
     }

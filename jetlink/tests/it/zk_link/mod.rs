@@ -75,7 +75,7 @@ fn ecu_with(config: Config, version: u8, max_rpm_thousands: u8) -> Bench<ZkLink>
 /// The same with an engine that runs, and was ordered to standby before.
 fn running(version: u8) -> Bench<ZkLink> {
     let mut bench = ecu(version);
-    bench.order(bench.now_us(), Order::Standby).unwrap();
+    bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
     runs(&mut bench);
     bench
 }
@@ -102,7 +102,7 @@ fn rate_code(rate: Rate) -> u8 {
     }
 }
 
-fn throttle(tenths: u16) -> Order {
+fn throttle_tenths(tenths: u16) -> Order {
     Order::Run(Demand::Throttle(Throttle::from_tenths(tenths).unwrap()))
 }
 

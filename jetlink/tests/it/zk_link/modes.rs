@@ -8,15 +8,15 @@ fn zk_9_mode_1_has_switch_and_throttle_in_id_1() {
     let mut bench = running(3);
     for (order, sw, tenths) in [
         (Order::Standby, STANDBY, 0),
-        (throttle(0), RUN, 0),
-        (throttle(1), RUN, 1),
-        (throttle(1000), RUN, 1000),
+        (throttle_tenths(0), RUN, 0),
+        (throttle_tenths(1), RUN, 1),
+        (throttle_tenths(1000), RUN, 1000),
         (Order::Standby, STANDBY, 0),
         (Order::EmergencyStop, STOP, 0),
     ] {
-        bench.order(bench.now_us(), order).unwrap();
+        bench.order_at_us(bench.now_us(), order).unwrap();
         for frame in slots(&mut bench, 3) {
-            assert_eq!(frame, zk::throttle(sw, tenths), "{order:?}");
+            assert_eq!(frame, zk::throttle_tenths(sw, tenths), "{order:?}");
         }
     }
 }
@@ -28,10 +28,10 @@ fn zk_9_mode_2_has_the_switch_in_id_6() {
     let mut bench = ecu_with(config, 4, 160);
     runs(&mut bench);
     for (order, sw, tenths) in
-        [(Order::Standby, STANDBY, 0), (throttle(425), RUN, 425), (Order::EmergencyStop, STOP, 0)]
+        [(Order::Standby, STANDBY, 0), (throttle_tenths(425), RUN, 425), (Order::EmergencyStop, STOP, 0)]
     {
-        bench.order(bench.now_us(), order).unwrap();
-        let (mode, demand) = (zk::mode(0, sw).to_vec(), zk::throttle(sw, tenths).to_vec());
+        bench.order_at_us(bench.now_us(), order).unwrap();
+        let (mode, demand) = (zk::mode(0, sw).to_vec(), zk::throttle_tenths(sw, tenths).to_vec());
         // To run, the throttle goes first: the switch must not come into force with an old one.
         let (first, second) = if sw == RUN { (demand, mode) } else { (mode, demand) };
         assert_eq!(slots(&mut bench, 4), [first.clone(), second.clone(), first, second], "{order:?}");
@@ -43,7 +43,7 @@ fn zk_9_mode_2_has_the_switch_in_id_6() {
 fn zk_7_mode_2_waits_for_version_4() {
     let config = Config { split_switch: true, ..Config::DEFAULT };
     let mut bench = link(config, LINE);
-    bench.order(0, Order::Standby).unwrap();
+    bench.order_at_us(0, Order::Standby).unwrap();
     assert_eq!(ids(&slots(&mut bench, 6)), [1; 6], "version not known");
     bench.receive(&zk::identity(160, 3, 0));
     assert_eq!(ids(&slots(&mut bench, 6)), [1; 6], "version 3");
@@ -59,12 +59,12 @@ fn zk_7_mode_2_waits_for_version_4() {
 #[test]
 fn zk_9_mode_3_has_the_rpm_in_id_7() {
     let mut bench = running(4);
-    bench.order(bench.now_us(), rpm(100_000)).unwrap();
+    bench.order_at_us(bench.now_us(), rpm(100_000)).unwrap();
     // 160 000 rpm at most: RPM_X = 4, and 100 000 = 2500 × 4 × 10.
     let (demand, mode) = (zk::rpm(2500).to_vec(), zk::mode(4, RUN).to_vec());
     assert_eq!(slots(&mut bench, 4), [demand.clone(), mode.clone(), demand, mode]);
     // A new rpm is in force at the latest two slots later.
-    bench.order(bench.now_us(), rpm(100_079)).unwrap();
+    bench.order_at_us(bench.now_us(), rpm(100_079)).unwrap();
     let two = slots(&mut bench, 2);
     assert!(two.contains(&zk::rpm(2501).to_vec()), "never rounded above the demand: {two:02x?}");
 }
@@ -82,7 +82,7 @@ fn zk_9_rpm_x_covers_every_maximum() {
             if demand > max_rpm {
                 continue;
             }
-            bench.order(bench.now_us(), rpm(demand)).unwrap();
+            bench.order_at_us(bench.now_us(), rpm(demand)).unwrap();
             let frames = slots(&mut bench, 2);
             let mode = frames.iter().find(|frame| id(frame) == 6).expect("mode");
             assert_eq!(mode[..], zk::mode(x as u8, RUN), "{max}");
@@ -92,7 +92,7 @@ fn zk_9_rpm_x_covers_every_maximum() {
             assert!(demand - code * x * 10 < x * 10 || code == 4095, "{demand} of {max_rpm}");
         }
         assert_eq!(
-            bench.order(bench.now_us(), rpm(max_rpm + 1)),
+            bench.order_at_us(bench.now_us(), rpm(max_rpm + 1)),
             Err(Rejected::AboveMaxRpm { max: Rpm::new(max_rpm) })
         );
     }
@@ -102,8 +102,15 @@ fn zk_9_rpm_x_covers_every_maximum() {
 /// with). ZK-8: SW 0 is never sent on the way.
 #[test]
 fn zk_8_no_transition_hands_over_to_pwm() {
-    let orders =
-        [Order::Standby, throttle(0), throttle(700), rpm(0), rpm(80_000), rpm(160_000), Order::EmergencyStop];
+    let orders = [
+        Order::Standby,
+        throttle_tenths(0),
+        throttle_tenths(700),
+        rpm(0),
+        rpm(80_000),
+        rpm(160_000),
+        Order::EmergencyStop,
+    ];
     for split_switch in [false, true] {
         for before in orders {
             for after in orders {
@@ -111,11 +118,11 @@ fn zk_8_no_transition_hands_over_to_pwm() {
                     let mut bench = ecu_with(Config { split_switch, ..Config::DEFAULT }, 4, 160);
                     runs(&mut bench);
                     let mut ecu = SimpleEcu::default();
-                    bench.order(bench.now_us(), before).unwrap();
+                    bench.order_at_us(bench.now_us(), before).unwrap();
                     for frame in slots(&mut bench, slots_before) {
                         ecu.obey(&frame);
                     }
-                    bench.order(bench.now_us(), after).unwrap();
+                    bench.order_at_us(bench.now_us(), after).unwrap();
                     for frame in slots(&mut bench, 4) {
                         let switch = match id(&frame) {
                             1 => Some(frame[1] >> 2 & 3),
@@ -136,16 +143,16 @@ fn zk_8_no_transition_hands_over_to_pwm() {
 /// ZK-8: SW 0 is sent only when the hand-over is ordered by name, after ID 6 has released the switch.
 #[test]
 fn zk_8_only_its_own_command_hands_over_to_pwm() {
-    for before in [Order::Standby, throttle(500), rpm(80_000)] {
+    for before in [Order::Standby, throttle_tenths(500), rpm(80_000)] {
         let mut bench = running(4);
         let mut ecu = SimpleEcu::default();
-        bench.order(bench.now_us(), before).unwrap();
+        bench.order_at_us(bench.now_us(), before).unwrap();
         slots(&mut bench, 2).iter().for_each(|frame| ecu.obey(frame));
-        bench.order(bench.now_us(), Order::Pwm).unwrap();
+        bench.order_at_us(bench.now_us(), Order::Pwm).unwrap();
         slots(&mut bench, 3).iter().for_each(|frame| ecu.obey(frame));
         assert_eq!(ecu.obeyed(), (PWM, None, Some(0)), "{before:?}");
         // And back again.
-        bench.order(bench.now_us(), Order::Standby).unwrap();
+        bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
         slots(&mut bench, 3).iter().for_each(|frame| ecu.obey(frame));
         assert_eq!(ecu.obeyed(), (STANDBY, None, Some(0)), "{before:?}");
     }
@@ -159,13 +166,13 @@ fn zk_9_a_stop_reaches_an_ecu_that_was_left_in_mode_3() {
         let left = || SimpleEcu { id1: (RUN, 0), id6: left_in, code: 2500, ..SimpleEcu::default() };
         let mut bench = met_running(4);
         let mut ecu = left();
-        bench.order(bench.now_us(), Order::EmergencyStop).unwrap();
+        bench.order_at_us(bench.now_us(), Order::EmergencyStop).unwrap();
         slots(&mut bench, 6).iter().for_each(|frame| ecu.obey(frame));
         assert_eq!(ecu.obeyed(), expected(Order::EmergencyStop), "left in {left_in:?}");
         // If nothing is known about ID 6, standby is sent as ID 1, and as both when the ECU does not follow.
         let mut bench = met_running(4);
         let mut ecu = left();
-        bench.order(bench.now_us(), Order::Standby).unwrap();
+        bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
         for _ in 0..20 {
             slots(&mut bench, 1).iter().for_each(|frame| ecu.obey(frame));
             bench.receive(&zk::state(STATE_RUNNING));
@@ -182,7 +189,7 @@ fn zk_9_a_change_of_the_maximum_never_raises_the_target() {
             let mut bench = ecu_with(Config::DEFAULT, 4, before);
             runs(&mut bench);
             let demand = 30_000;
-            bench.order(bench.now_us(), rpm(demand)).unwrap();
+            bench.order_at_us(bench.now_us(), rpm(demand)).unwrap();
             let mut ecu = SimpleEcu::default();
             slots(&mut bench, slots_before).iter().for_each(|frame| ecu.obey(frame));
             for _ in 0..2 {
@@ -207,21 +214,21 @@ fn zk_9_a_stop_in_mode_3_reaches_an_ecu_whose_version_changed() {
             (2, Order::EmergencyStop),
             (1, Order::Standby),
             (2, Order::Standby),
-            (1, throttle(100)),
-            (2, throttle(100)),
+            (1, throttle_tenths(100)),
+            (2, throttle_tenths(100)),
         ] {
             let mut bench = running(4);
             let mut ecu = SimpleEcu::default();
-            bench.order(bench.now_us(), rpm(100_000)).unwrap();
+            bench.order_at_us(bench.now_us(), rpm(100_000)).unwrap();
             slots(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
             for _ in 0..frames {
                 bench.receive(&zk::identity(160, version, 0));
             }
-            bench.order(bench.now_us(), order).unwrap();
+            bench.order_at_us(bench.now_us(), order).unwrap();
             let sent = slots(&mut bench, 6);
             if version < 4 && frames == 2 && matches!(order, Order::Run(_)) {
                 // Two reports agree on another ECU, which does not know ID 6: to run it is ID 1 alone (ZK-7).
-                assert!(sent.iter().all(|frame| frame[..] == zk::throttle(RUN, 100)), "{sent:02x?}");
+                assert!(sent.iter().all(|frame| frame[..] == zk::throttle_tenths(RUN, 100)), "{sent:02x?}");
                 continue;
             }
             sent.iter().for_each(|frame| ecu.obey(frame));
@@ -236,11 +243,11 @@ fn zk_9_leaving_mode_3_uses_no_old_throttle() {
     for slots_in_mode_3 in 2..=5 {
         let mut bench = running(4);
         let mut ecu = SimpleEcu::default();
-        bench.order(bench.now_us(), throttle(1000)).unwrap();
+        bench.order_at_us(bench.now_us(), throttle_tenths(1000)).unwrap();
         slots(&mut bench, 3).iter().for_each(|frame| ecu.obey(frame));
-        bench.order(bench.now_us(), rpm(40_000)).unwrap();
+        bench.order_at_us(bench.now_us(), rpm(40_000)).unwrap();
         slots(&mut bench, slots_in_mode_3).iter().for_each(|frame| ecu.obey(frame));
-        bench.order(bench.now_us(), throttle(100)).unwrap();
+        bench.order_at_us(bench.now_us(), throttle_tenths(100)).unwrap();
         for frame in slots(&mut bench, 4) {
             ecu.obey(&frame);
             let (switch, _, throttle) = ecu.obeyed();
@@ -256,11 +263,11 @@ fn zk_9_leaving_mode_3_uses_no_old_throttle() {
 fn zk_8_a_hand_over_from_mode_3_never_stops_the_engine() {
     let mut bench = running(4);
     let mut ecu = SimpleEcu::default();
-    bench.order(bench.now_us(), Order::Standby).unwrap();
+    bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
     slots(&mut bench, 3).iter().for_each(|frame| ecu.obey(frame));
-    bench.order(bench.now_us(), rpm(80_000)).unwrap();
+    bench.order_at_us(bench.now_us(), rpm(80_000)).unwrap();
     slots(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
-    bench.order(bench.now_us(), Order::Pwm).unwrap();
+    bench.order_at_us(bench.now_us(), Order::Pwm).unwrap();
     for frame in slots(&mut bench, 4) {
         ecu.obey(&frame);
         assert!([RUN, PWM].contains(&ecu.obeyed().0), "{ecu:?}");
@@ -273,12 +280,12 @@ fn zk_8_a_hand_over_from_mode_3_never_stops_the_engine() {
 fn zk_8_a_hand_over_that_was_not_sent_is_sent_again() {
     let mut bench = running(4);
     let mut ecu = SimpleEcu::default();
-    bench.order(bench.now_us(), rpm(80_000)).unwrap();
+    bench.order_at_us(bench.now_us(), rpm(80_000)).unwrap();
     slots(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
     bench.run_to_us(bench.now_us() + 20_000);
     let mut bench = bench.by_hand();
     bench.frames();
-    bench.order(bench.now_us(), Order::Pwm).unwrap();
+    bench.order_at_us(bench.now_us(), Order::Pwm).unwrap();
     let mut failed = false;
     for _ in 0..100 {
         bench.run_to_us(bench.now_us() + 10_000);
@@ -303,11 +310,11 @@ fn zk_8_a_hand_over_that_was_not_sent_is_sent_again() {
 fn zk_9_entering_mode_3_again_uses_no_old_rpm() {
     let mut bench = running(4);
     let mut ecu = SimpleEcu { ignores_early_rpm: true, ..SimpleEcu::default() };
-    bench.order(bench.now_us(), rpm(100_000)).unwrap();
+    bench.order_at_us(bench.now_us(), rpm(100_000)).unwrap();
     slots(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
-    bench.order(bench.now_us(), throttle(0)).unwrap();
+    bench.order_at_us(bench.now_us(), throttle_tenths(0)).unwrap();
     slots(&mut bench, 4).iter().for_each(|frame| ecu.obey(frame));
-    bench.order(bench.now_us(), rpm(40_000)).unwrap();
+    bench.order_at_us(bench.now_us(), rpm(40_000)).unwrap();
     bench.frames();
     bench.run_to_us(bench.now_us() + 4 * SEND_SLOT_US);
     let mut wrong_since: Option<u64> = None;
@@ -329,9 +336,9 @@ fn zk_7_standby_is_not_sent_by_id_6_to_an_older_ecu_at_rest() {
         [(3, STATE_STANDBY, false), (3, STATE_RUNNING, true), (4, STATE_STANDBY, true)]
     {
         let mut bench = running(4);
-        bench.order(bench.now_us(), rpm(80_000)).unwrap();
+        bench.order_at_us(bench.now_us(), rpm(80_000)).unwrap();
         slots(&mut bench, 4);
-        bench.order(bench.now_us(), Order::Standby).unwrap();
+        bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
         for _ in 0..2 {
             bench.receive(&zk::identity(160, version, 0));
             bench.receive(&zk::state(state));

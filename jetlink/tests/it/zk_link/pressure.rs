@@ -15,7 +15,7 @@ fn zk_14_pressure_is_sent_once_a_second_when_requested_known_and_fresh() {
         }
     };
     let mut bench = ecu(4);
-    bench.order(bench.now_us(), Order::Standby).unwrap();
+    bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
     requests(&mut bench, 3_000_000, true);
     assert_eq!(sent(&mut bench), [], "none known");
     pressure(&mut bench, 1013);

@@ -6,7 +6,7 @@ fn any_order() -> impl Strategy<Value = Order> {
     prop_oneof![
         Just(Order::Standby),
         Just(Order::EmergencyStop),
-        (0..=1000u16).prop_map(throttle),
+        (0..=1000u16).prop_map(throttle_tenths),
         (0..=260_000u32).prop_map(rpm),
     ]
 }
@@ -55,7 +55,7 @@ proptest! {
                 Step::Status(frame) => bench.receive(&frame),
                 Step::Noise(bytes) => bench.receive(&bytes),
                 Step::Order(order) => {
-                    if bench.order(bench.now_us(), order).is_ok() {
+                    if bench.order_at_us(bench.now_us(), order).is_ok() {
                         if order != Order::Standby {
                             called_off.push(frames.len());
                         }

@@ -76,7 +76,7 @@ fn a_send_slot_while_the_uart_is_busy_is_skipped() {
 fn zk_12_the_slowest_line_carries_every_send_slot() {
     for line in [Line::new(2400), Line::with_two_stop_bits(2400)] {
         let mut bench = link(Config::DEFAULT, line);
-        bench.order(0, Order::Standby).unwrap();
+        bench.order_at_us(0, Order::Standby).unwrap();
         bench.run_to_us(10_000_000);
         assert_eq!((bench.frames().len(), bench.machine.status().counters.send_slots_missed), (201, 0));
     }

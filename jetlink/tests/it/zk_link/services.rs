@@ -10,7 +10,7 @@ fn zk_13_an_unlock_is_sent_immediately_before_its_command() {
         (ignition(2000), zk::ignition_pump(100), zk::settings(99, 39), zk::settings(100, 39)),
     ] {
         let mut bench = ecu(3);
-        bench.order(bench.now_us(), Order::Standby).unwrap();
+        bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
         service(&mut bench, command).unwrap();
         bench.run_to_us(90_000);
         // In the slot, and right behind the unlock's last stop bit: 4167 µs at 9600 baud.
@@ -32,7 +32,7 @@ fn zk_13_an_unlock_is_sent_immediately_before_its_command() {
 #[test]
 fn zk_13_a_command_fails_after_three_attempts() {
     let mut bench = ecu(3);
-    bench.order(bench.now_us(), Order::Standby).unwrap();
+    bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
     service(&mut bench, curve(40)).unwrap();
     bench.run_to_us(1_000_000);
     assert_eq!(service(&mut bench, curve(50)), Err(Rejected::Busy));
@@ -67,15 +67,18 @@ fn zk_13_a_command_fails_after_three_attempts() {
 #[test]
 fn zk_13_a_stop_between_unlock_and_command_is_sent_first() {
     let mut bench = ecu(3);
-    bench.order(bench.now_us(), Order::Standby).unwrap();
+    bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
     service(&mut bench, curve(40)).unwrap();
     bench.run_to_us(52_000);
     assert_eq!(bench.frames(), [(50_000, zk::unlock().to_vec())]);
-    bench.order(52_000, Order::EmergencyStop).unwrap();
+    bench.order_at_us(52_000, Order::EmergencyStop).unwrap();
     received_to(&mut bench, 1_000_000);
     let frames = bench.frames();
-    assert_eq!(frames[0], (54_167, zk::throttle(STOP, 0).to_vec()));
-    assert!(frames.iter().all(|(_, frame)| frame[..] == zk::throttle(STOP, 0)), "nothing but the stop");
+    assert_eq!(frames[0], (54_167, zk::throttle_tenths(STOP, 0).to_vec()));
+    assert!(
+        frames.iter().all(|(_, frame)| frame[..] == zk::throttle_tenths(STOP, 0)),
+        "nothing but the stop"
+    );
     let at: Vec<u64> = frames.iter().skip(1).map(|(at, _)| *at).collect();
     assert_eq!(
         at,
@@ -90,12 +93,12 @@ fn zk_13_a_stop_between_unlock_and_command_is_sent_first() {
 fn a_stop_ends_a_waiting_service_command() {
     for command in [action(Action::Drain), curve(40)] {
         let mut bench = ecu(3);
-        bench.order(bench.now_us(), Order::Standby).unwrap();
+        bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
         service(&mut bench, command).unwrap();
-        bench.order(bench.now_us(), Order::EmergencyStop).unwrap();
+        bench.order_at_us(bench.now_us(), Order::EmergencyStop).unwrap();
         bench.run_to_us(600_000_000);
         bench.frames();
-        bench.order(bench.now_us(), Order::Standby).unwrap();
+        bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
         let frames = slots(&mut bench, 20);
         // With the ECU silent for this long, the stop was also sent as ID 6.
         assert!(frames.iter().all(|frame| matches!(id(frame), 1 | 6)), "{command:?}: {frames:02x?}");
@@ -109,16 +112,16 @@ fn a_stop_ends_a_waiting_service_command() {
 /// An order other than standby ends a service command at every stage and reports it; standby ends none.
 #[test]
 fn an_order_ends_a_service_command_at_every_stage() {
-    let orders = [throttle(0), rpm(50_000), Order::EmergencyStop, Order::Pwm];
+    let orders = [throttle_tenths(0), rpm(50_000), Order::EmergencyStop, Order::Pwm];
     for order in orders {
         // Waiting; the unlock going out; the command going out; waiting for status ID 5.
         for (at, out, was_sent) in
             [(40_000, 0, false), (52_000, 1, false), (56_000, 2, false), (70_000, 2, true)]
         {
             let mut bench = ecu(4);
-            bench.order(bench.now_us(), Order::Standby).unwrap();
+            bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
             service(&mut bench, curve(40)).unwrap();
-            bench.order(at, order).unwrap();
+            bench.order_at_us(at, order).unwrap();
             let out_before = bench.frames().into_iter().filter(|(sent, _)| *sent < at).count();
             assert_eq!(out_before, out);
             bench.run_to_us(10_000_000);
@@ -132,7 +135,7 @@ fn an_order_ends_a_service_command_at_every_stage() {
     }
     let mut bench = ecu(4);
     for _ in 0..2 {
-        bench.order(bench.now_us(), Order::Standby).unwrap();
+        bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
         let _ = service(&mut bench, curve(40));
     }
     bench.run_to_us(100_000);
@@ -144,14 +147,14 @@ fn an_order_ends_a_service_command_at_every_stage() {
 fn an_order_to_run_ends_a_waiting_service_command() {
     for command in [action(Action::Drain), action(Action::OpenPump), curve(40)] {
         let mut bench = ecu(5);
-        bench.order(bench.now_us(), Order::Standby).unwrap();
+        bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
         slots(&mut bench, 1);
         // The rate has the next slot, so the command waits until the order to run has been sent.
         service(&mut bench, action(Action::Rate20Hz)).unwrap();
         service(&mut bench, command).unwrap();
-        bench.order(bench.now_us(), throttle(0)).unwrap();
+        bench.order_at_us(bench.now_us(), throttle_tenths(0)).unwrap();
         let frames = slots(&mut bench, 200);
-        let run = frames.iter().position(|frame| frame[..] == zk::throttle(RUN, 0)).expect("runs");
+        let run = frames.iter().position(|frame| frame[..] == zk::throttle_tenths(RUN, 0)).expect("runs");
         let behind = &frames[run..];
         // The rate is requested again until the ECU confirms it.
         let rate = zk::action(7);
@@ -172,7 +175,7 @@ fn an_order_to_run_ends_a_waiting_service_command() {
 #[test]
 fn zk_13_an_unlock_that_failed_is_sent_again() {
     let mut bench = ecu(3).by_hand();
-    bench.order(bench.now_us(), Order::Standby).unwrap();
+    bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
     service(&mut bench, curve(40)).unwrap();
     bench.run_to_us(50_000);
     assert_eq!(bench.bytes(), [zk::unlock()]);
@@ -197,7 +200,7 @@ fn zk_13_an_unlock_that_failed_is_sent_again() {
 fn an_action_is_sent_once() {
     for one in Action::ALL.into_iter().filter(|one| !(7..=9).contains(&one.code())) {
         let mut bench = ecu(5);
-        bench.order(bench.now_us(), Order::Standby).unwrap();
+        bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
         service(&mut bench, action(one)).unwrap();
         let frames = slots(&mut bench, 60);
         let sent: Vec<_> = frames.iter().filter(|frame| id(frame) != 1).cloned().collect();
@@ -211,7 +214,7 @@ fn an_action_is_sent_once() {
 #[test]
 fn an_action_is_reported_when_it_was_sent() {
     let mut bench = ecu(5);
-    bench.order(bench.now_us(), Order::Standby).unwrap();
+    bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
     service(&mut bench, action(Action::Drain)).unwrap();
     bench.run_to_us(54_166);
     assert_eq!((bench.bytes().len(), bench.events()), (1, vec![]));
@@ -228,7 +231,7 @@ fn a_service_command_that_never_gets_through_has_failed() {
             Service::Zk(ZkService::Action(one)) => zk::action(one.code()),
             _ => zk::unlock(),
         };
-        bench.order(bench.now_us(), Order::Standby).unwrap();
+        bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
         service(&mut bench, command).unwrap();
         let mut attempts = 0;
         for _ in 0..1_000 {
@@ -249,7 +252,7 @@ fn a_service_command_that_never_gets_through_has_failed() {
 #[test]
 fn an_action_that_was_not_sent_is_sent_again() {
     let mut bench = ecu(5).by_hand();
-    bench.order(bench.now_us(), Order::Standby).unwrap();
+    bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
     service(&mut bench, action(Action::ClosePump)).unwrap();
     bench.run_to_us(50_000);
     assert_eq!(bench.bytes(), [zk::action(13)]);

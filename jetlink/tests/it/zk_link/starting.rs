@@ -55,25 +55,25 @@ fn the_demand_waits_for_a_running_engine() {
         let mut bench = started();
         for state in [1, 2, 3, 4, 5, STATE_UNKNOWN, running] {
             let frame = if state < 6 { zk::state(state) } else { turning(state) };
-            assert_eq!(engine_slot(&mut bench, &frame), zk::throttle(RUN, 0), "state {state}");
+            assert_eq!(engine_slot(&mut bench, &frame), zk::throttle_tenths(RUN, 0), "state {state}");
         }
         // From here it rises at 50 %/s: 2.5 % per slot.
         for slot in 0..40u16 {
             let frame = engine_slot(&mut bench, &turning(running));
             let tenths = u16::from(frame[1] & 3) << 8 | u16::from(frame[2]);
-            assert_eq!(frame, zk::throttle(RUN, tenths));
+            assert_eq!(frame, zk::throttle_tenths(RUN, tenths));
             assert!(tenths.abs_diff((slot * 25).min(600)) <= 25, "{tenths} at slot {slot}");
         }
-        assert_eq!(engine_slot(&mut bench, &turning(running)), zk::throttle(RUN, 600));
-        // ZK-15: an unnamed state ends nothing.
+        assert_eq!(engine_slot(&mut bench, &turning(running)), zk::throttle_tenths(RUN, 600));
+        // ZK-15: a state without a name ends nothing.
         for _ in 0..10 {
-            assert_eq!(engine_slot(&mut bench, &turning(STATE_UNKNOWN)), zk::throttle(RUN, 600));
+            assert_eq!(engine_slot(&mut bench, &turning(STATE_UNKNOWN)), zk::throttle_tenths(RUN, 600));
         }
     }
     // Running with a shaft at rest releases nothing.
     let mut bench = started();
     for state in [3, 5, 11, 11, 11, 11] {
-        assert_eq!(engine_slot(&mut bench, &zk::state(state)), zk::throttle(RUN, 0), "state {state}");
+        assert_eq!(engine_slot(&mut bench, &zk::state(state)), zk::throttle_tenths(RUN, 0), "state {state}");
     }
 }
 
@@ -91,11 +91,11 @@ fn one_odd_report_withholds_the_run_and_two_end_it() {
         for _ in 0..3 {
             assert_eq!(engine_slot(&mut bench, &odd), zk::keep_alive(), "{odd:02x?}");
             assert_eq!(engine_slot(&mut bench, &turning(11)), zk::keep_alive(), "one does not confirm it");
-            assert_eq!(engine_slot(&mut bench, &turning(11)), zk::throttle(RUN, 600), "two do");
+            assert_eq!(engine_slot(&mut bench, &turning(11)), zk::throttle_tenths(RUN, 600), "two do");
         }
         assert_eq!(engine_slot(&mut bench, &odd), zk::keep_alive());
         for _ in 0..10 {
-            assert_eq!(engine_slot(&mut bench, &odd), zk::throttle(STANDBY, 0), "{odd:02x?}");
+            assert_eq!(engine_slot(&mut bench, &odd), zk::throttle_tenths(STANDBY, 0), "{odd:02x?}");
         }
     }
 }

@@ -8,7 +8,7 @@ fn zk_11_rate_is_set_and_confirmed() {
     for (wanted, parameter) in [(Rate::Hz20, 7), (Rate::Hz50, 8), (Rate::Hz100, 9)] {
         for reported in 0..=3u8 {
             let mut bench = link(Config { rate: wanted, ..Config::DEFAULT }, LINE);
-            bench.order(0, Order::Standby).unwrap();
+            bench.order_at_us(0, Order::Standby).unwrap();
             bench.run_to_us(300_000);
             assert!(bench.bytes().iter().all(|frame| id(frame) != 2), "not before ID 6 has carried it");
             bench.receive(&zk::identity(160, 1, reported));
@@ -32,7 +32,7 @@ fn zk_11_rate_is_set_and_confirmed() {
 #[test]
 fn zk_11_rate_is_retried_and_given_up() {
     let mut bench = link(Config { rate: Rate::Hz50, ..Config::DEFAULT }, LINE);
-    bench.order(0, Order::Standby).unwrap();
+    bench.order_at_us(0, Order::Standby).unwrap();
     for frame in 0..500 {
         bench.rx_at_us(frame * 20_000 + 5_000, &zk::identity(160, 4, 0));
     }
@@ -77,7 +77,7 @@ fn zk_11_a_service_command_changes_the_rate() {
         assert_eq!(service(&mut bench, action(rate)), expected, "{baud} {rate:?}");
     }
     let mut bench = ecu(4);
-    bench.order(bench.now_us(), Order::Standby).unwrap();
+    bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
     service(&mut bench, action(Action::Rate100Hz)).unwrap();
     bench.rx_at_us(205_000, &zk::identity(160, 4, 2));
     assert!(bench.bytes().contains(&zk::action(9).to_vec()));

@@ -20,7 +20,7 @@ fn zk_7_each_version_is_sent_only_its_commands() {
     for (command, needed) in services {
         for known in [None, Some(1), Some(2), Some(3), Some(4), Some(5), Some(6), Some(63)] {
             let mut bench = link(Config::DEFAULT, LINE);
-            bench.order(bench.now_us(), Order::Standby).unwrap();
+            bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
             if let Some(known) = known {
                 bench.receive(&zk::identity(160, known, 0));
                 if needed > 1 {
@@ -41,7 +41,7 @@ fn zk_7_each_version_is_sent_only_its_commands() {
         let mut bench = known.map_or_else(|| link(Config::DEFAULT, LINE), ecu);
         let expected =
             if known >= Some(4) { Ok(()) } else { Err(Rejected::NeedsVersion { needed: 4, known }) };
-        assert_eq!(bench.order(bench.now_us(), rpm(50_000)), expected, "{known:?}");
+        assert_eq!(bench.order_at_us(bench.now_us(), rpm(50_000)), expected, "{known:?}");
     }
 }
 
@@ -76,13 +76,13 @@ fn zk_7_the_version_does_not_outlive_the_link() {
 #[test]
 fn zk_7_a_refused_order_changes_nothing() {
     let mut bench = running(3);
-    bench.order(bench.now_us(), throttle(333)).unwrap();
-    assert!(bench.order(bench.now_us(), rpm(50_000)).is_err());
-    assert_eq!(slots(&mut bench, 2), [zk::throttle(RUN, 333), zk::throttle(RUN, 333)]);
+    bench.order_at_us(bench.now_us(), throttle_tenths(333)).unwrap();
+    assert!(bench.order_at_us(bench.now_us(), rpm(50_000)).is_err());
+    assert_eq!(slots(&mut bench, 2), [zk::throttle_tenths(RUN, 333), zk::throttle_tenths(RUN, 333)]);
     let mut bench = running(4);
-    bench.order(bench.now_us(), throttle(333)).unwrap();
-    assert!(bench.order(bench.now_us(), rpm(160_001)).is_err());
-    assert_eq!(slots(&mut bench, 2), [zk::throttle(RUN, 333), zk::throttle(RUN, 333)]);
+    bench.order_at_us(bench.now_us(), throttle_tenths(333)).unwrap();
+    assert!(bench.order_at_us(bench.now_us(), rpm(160_001)).is_err());
+    assert_eq!(slots(&mut bench, 2), [zk::throttle_tenths(RUN, 333), zk::throttle_tenths(RUN, 333)]);
     let of_amt = Service::Amt(AmtService::Ctf);
     assert_eq!(service(&mut bench, of_amt), Err(Rejected::NotSupported));
 }
