@@ -44,4 +44,19 @@ mod tests {
         let least = format!("rust-version = \"{minor}\"");
         assert!(manifest.lines().any(|line| line == least), "emulation/Cargo.toml does not say {least}");
     }
+    /// Every version and every target in the settings of rust-analyzer.
+    #[test]
+    fn rust_analyzer_has_the_same_toolchain() {
+        let host = include_str!("../../.vscode/settings.json");
+        let firmware = include_str!("../../.vscode/target.code-workspace");
+        let is_version = |word: &&str| {
+            word.split('.').count() == 3 && word.split('.').all(|number| number.parse::<u32>().is_ok())
+        };
+        for (file, versions, targets) in [(host, 1, 0), (firmware, 2, 3)] {
+            let words = || file.split('"').map(|word| word.trim_start_matches('+'));
+            assert_eq!(words().filter(is_version).collect::<Vec<_>>(), vec![version(); versions]);
+            let found: Vec<_> = words().filter(|word| word.starts_with("thumb")).collect();
+            assert_eq!(found, vec![target(); targets]);
+        }
+    }
 }
