@@ -23,19 +23,19 @@ fn governed(change: impl FnOnce(&mut Governor)) -> EngineConfig {
     Ecu::Amt.with(|s| s.governor = Some(governor))
 }
 
-/// An engine at a throttle that the ECU reports as obeyed, with its shaft at `rpm` and a hot exhaust.
-fn at(config: EngineConfig, throttle: u8, rpm: u32) -> Scenario {
-    let mut scenario = Scenario::started_with(Ecu::Amt, config, percent(throttle));
+/// An engine at a throttle, whose shaft is reported at `rpm`, whose exhaust burns, and that the ECU reports as obeyed.
+fn at(config: EngineConfig, throttle_percent: u8, rpm: u32) -> Scenario {
+    let mut scenario = Scenario::started_with(Ecu::Amt, config, percent(throttle_percent));
     scenario.values.rpm = Some(rpm);
-    scenario.values.half_percents = throttle * 2;
+    scenario.values.half_percents = throttle_percent * 2;
     scenario.values.egt_celsius = 500;
-    scenario.fly_us(run(throttle), Origin::Rc, SECOND);
+    scenario.fly_us(run(throttle_percent), Origin::Rc, SECOND);
     scenario.bench.events();
     scenario
 }
 
-/// The throttle sent, if any, in tenths of a percent: also while the life of the engine is in doubt.
-fn throttle(scenario: &Scenario) -> u16 {
+/// The throttle that goes out where anything does, in tenths of a percent: also while the life of the engine is in doubt.
+fn throttle_tenths(scenario: &Scenario) -> u16 {
     match scenario.order() {
         Order::Run(Demand::Throttle(throttle)) | Order::Doubt(Demand::Throttle(throttle)) => {
             throttle.tenths()
@@ -221,7 +221,7 @@ fn the_governor_never_holds_a_throttle_on_old_telemetry() {
     for exhaust in [Exhaust::Burns, Exhaust::Broken] {
         let mut scenario = at(governed(|_| {}), 60, 80_000);
         scenario.fly_us(target(85_000), Origin::Rc, 2 * SECOND);
-        assert!(throttle(&scenario) > 500);
+        assert!(throttle_tenths(&scenario) > 500);
         // Error sets: received, without an rpm.
         let last = scenario.telemetry().report.rpm.expect("reported").at.as_micros();
         let error = Ecu::Amt.frame(Reports::Running, Values { fault: exhaust.fault(), ..scenario.values });
@@ -231,18 +231,18 @@ fn the_governor_never_holds_a_throttle_on_old_telemetry() {
             now += FRAME_PERIOD_US;
             scenario.bench.rx_at_us(now, &error);
             let _ = scenario.command(target(85_000));
-            assert!(throttle(&scenario) > 500, "{exhaust:?} {} µs", now - last);
+            assert!(throttle_tenths(&scenario) > 500, "{exhaust:?} {} µs", now - last);
         }
         scenario.run_to_us(last + 599_999);
-        assert!(throttle(&scenario) > 500);
+        assert!(throttle_tenths(&scenario) > 500);
         scenario.run_to_us(last + 600_000);
-        assert_eq!(throttle(&scenario), 0, "{exhaust:?}");
+        assert_eq!(throttle_tenths(&scenario), 0, "{exhaust:?}");
         scenario.sent();
         for _ in 0..40 {
             now = scenario.now_us() + FRAME_PERIOD_US;
             scenario.bench.rx_at_us(now, &error);
             let _ = scenario.command(target(85_000));
-            assert_eq!(throttle(&scenario), 0);
+            assert_eq!(throttle_tenths(&scenario), 0);
         }
         assert_eq!(scenario.sent(), [Wire::Run(0); 40], "{exhaust:?}");
         // It reports its speed again: up from idle, by the slew.

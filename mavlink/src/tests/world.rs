@@ -341,15 +341,15 @@ impl World<'_> {
         texts
     }
 
-    /// Waits until an engine is ordered to a higher throttle, and checks that it rises at its rate, 50 %/s.
-    pub async fn rises_to(&self, engine: usize, throttle: u16) {
+    /// Waits until an engine is ordered to a throttle that is above, and looks that it rises at its rate, 50 % a second.
+    pub async fn rises_to(&self, engine: usize, tenths: u16) {
         let mut before = self.ordered(engine).unwrap();
         let end = Instant::now() + Duration::from_secs(15);
-        while before != throttle {
+        while before != tenths {
             self.pass_s(0.02).await;
             let ordered = self.ordered(engine).unwrap();
             assert!(ordered <= before + 30, "from {before} to {ordered} in 20 ms");
-            assert!(Instant::now() < end, "{before} and not {throttle}");
+            assert!(Instant::now() < end, "{before} and not {tenths}");
             before = ordered;
         }
     }

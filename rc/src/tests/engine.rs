@@ -329,7 +329,7 @@ fn start_without_arming_is_refused_and_never_follows_later() {
         world.pass_s(5.0).await;
         world.radio.switch.set(RUN);
         world.pass_s(1.0).await;
-        let refused = Outcome::Commanded(run_at(0), Err(Rejected::Start(Interlock::NotArmed)));
+        let refused = Outcome::Commanded(run_at_tenths(0), Err(Rejected::Start(Interlock::NotArmed)));
         assert!(world.outcomes.borrow().iter().any(|(_, outcome)| *outcome == refused));
         // Another source arms: what was refused stays refused.
         world.lower.set(Some(Command::Arm));
@@ -713,7 +713,7 @@ fn random_pilots_never_start_but_by_the_move() {
                         .collect();
                     assert_eq!(
                         accepted,
-                        [Outcome::Commanded(run_at(0), Ok(Accepted::InForce))],
+                        [Outcome::Commanded(run_at_tenths(0), Ok(Accepted::InForce))],
                         "seed {seed}"
                     );
                     assert_eq!(before.0, STANDBY, "seed {seed}");

@@ -100,7 +100,7 @@ fn without_a_switch_radio_control_moves_the_throttle_and_neither_starts_nor_stop
             world.pass_s(0.2).await;
             world.lower.set(Some(Command::Standby));
             world.pass_s(2.0).await;
-            world.lower.set(Some(run_at(0)));
+            world.lower.set(Some(run_at_tenths(0)));
             world.until("running", 120, || world.state() == EngineState::Running).await;
             world.radio.stick.set(1500);
             world.until("half throttle", 5, || world.ordered() == Some(500)).await;

@@ -4,9 +4,9 @@ use crate::channels::{Channels, Pulse};
 use sim::receiver::steps;
 
 /// Channels that all differ, so that a shift by a bit or a byte is seen, with this throttle in channel 3.
-pub fn stick(throttle: u16) -> [u16; 16] {
+pub fn stick(throttle_us: u16) -> [u16; 16] {
     let mut channels = core::array::from_fn(|i| 200 + 97 * i as u16);
-    channels[2] = steps(throttle);
+    channels[2] = steps(throttle_us);
     channels
 }
 

@@ -10,7 +10,7 @@ fn hand_over_goes_to_the_lower_source_and_back_without_a_jump_and_keeps_the_stop
         world.start().await;
         world.radio.stick.set(1900);
         world.until("full throttle", 5, || world.ordered() == Some(1000)).await;
-        world.lower.set(Some(run_at(300)));
+        world.lower.set(Some(run_at_tenths(300)));
         world.pass_s(2.0).await;
         assert_eq!((world.telemetry().active_source, world.ordered()), (Origin::Rc, Some(1000)));
         world.radio.hand_over.set(2000);
@@ -42,7 +42,7 @@ fn engine_that_was_handed_over_can_be_started_by_the_lower_source_only() {
         world.arm().await;
         world.lower.set(Some(Command::Standby));
         world.pass_s(1.0).await;
-        world.lower.set(Some(run_at(0)));
+        world.lower.set(Some(run_at_tenths(0)));
         world.pass_s(3.0).await;
         assert_eq!(world.ordered(), None, "radio control is in control");
         world.radio.hand_over.set(2000);
@@ -51,7 +51,7 @@ fn engine_that_was_handed_over_can_be_started_by_the_lower_source_only() {
         assert_eq!(world.ordered(), None, "no start of radio control");
         world.lower.set(Some(Command::Standby));
         world.pass_s(2.0).await;
-        world.lower.set(Some(run_at(0)));
+        world.lower.set(Some(run_at_tenths(0)));
         world.until("running", 120, || world.state() == EngineState::Running).await;
         assert_eq!(world.telemetry().active_source, Origin::Mavlink);
     });
@@ -62,7 +62,7 @@ fn engine_that_was_handed_over_can_be_started_by_the_lower_source_only() {
 fn switch_that_moved_while_it_was_handed_over_neither_shuts_down_nor_arms_afterwards() {
     each(async |world| {
         world.start().await;
-        world.lower.set(Some(run_at(300)));
+        world.lower.set(Some(run_at_tenths(300)));
         world.radio.hand_over.set(2000);
         world.until("MAVLink in control", 5, || world.telemetry().active_source == Origin::Mavlink).await;
         world.switch(STANDBY).await;
@@ -96,7 +96,7 @@ fn hand_over_that_comes_and_goes_moves_the_throttle_slowly_and_keeps_the_stop() 
         world.start().await;
         world.radio.stick.set(1900);
         world.until("full throttle", 5, || world.ordered() == Some(1000)).await;
-        world.lower.set(Some(run_at(100)));
+        world.lower.set(Some(run_at_tenths(100)));
         world.pass_s(2.0).await;
         let mut before = 1000;
         for n in 0..1500_u32 {

@@ -183,15 +183,15 @@ impl World<'_> {
         self.pass_s(5.0).await;
     }
 
-    /// Waits until the throttle is ordered, and checks that it never rises faster than 50 %/s.
-    pub async fn rises_to(&self, throttle: u16) {
+    /// Waits until the throttle is ordered, and looks that it never rises faster than 50 % a second.
+    pub async fn rises_to(&self, tenths: u16) {
         let mut before = self.ordered().unwrap();
         let end = Instant::now() + Duration::from_secs(15);
-        while before != throttle {
+        while before != tenths {
             self.pass_s(0.02).await;
             let ordered = self.ordered().unwrap();
             assert!(ordered <= before + 30, "from {before} to {ordered} in 20 ms");
-            assert!(Instant::now() < end, "{before} and not {throttle}");
+            assert!(Instant::now() < end, "{before} and not {tenths}");
             before = ordered;
         }
     }
@@ -356,6 +356,6 @@ pub fn memory() -> &'static RetainedMemory {
     Box::leak(Box::new(RetainedMemory::new()))
 }
 
-pub fn run_at(tenths: u16) -> Command {
+pub fn run_at_tenths(tenths: u16) -> Command {
     Command::Run(Demand::Throttle(Throttle::from_tenths(tenths).unwrap()))
 }

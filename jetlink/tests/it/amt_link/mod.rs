@@ -126,7 +126,7 @@ fn command(bench: &mut Bench<BenchEngine>, command: Command) -> Result<Accepted,
     bench.act(|engine, now| engine.command(now, command, Origin::Rc, true))
 }
 
-fn run_at(tenths: u16) -> Command {
+fn run_at_tenths(tenths: u16) -> Command {
     Command::Run(Demand::Throttle(Throttle::from_tenths(tenths).unwrap()))
 }
 
@@ -138,14 +138,14 @@ fn started(config: Config, tenths: u16) -> Bench<BenchEngine> {
     }
     command(&mut bench, Command::Arm).unwrap();
     command(&mut bench, Command::Standby).unwrap();
-    assert_eq!(command(&mut bench, run_at(0)), Ok(Accepted::InForce));
-    command(&mut bench, run_at(tenths)).unwrap();
+    assert_eq!(command(&mut bench, run_at_tenths(0)), Ok(Accepted::InForce));
+    command(&mut bench, run_at_tenths(tenths)).unwrap();
     bench
 }
 
 /// A frame while its source is fresh, and its reply.
 fn flown(bench: &mut Bench<BenchEngine>, tenths: u16, frame: &[u8]) -> Option<(u8, u8)> {
-    let _ = command(bench, run_at(tenths));
+    let _ = command(bench, run_at_tenths(tenths));
     answer(bench, frame)
 }
 

@@ -368,7 +368,7 @@ fn amt_12_a_gap_puts_the_life_in_doubt() {
         bench.run_to_us(bench.now_us() + 50_000); // the reply before is out
         bench.frames();
         while bench.now_us() + 100_000 < end {
-            let _ = command(bench, run_at(800));
+            let _ = command(bench, run_at_tenths(800));
             bench.run_to_us(bench.now_us() + 100_000);
         }
         bench.run_to_us(end);
@@ -411,7 +411,7 @@ fn bytes_from_before_a_pause_are_not_part_of_a_set_after_it() {
         bench.receive(&good[..4]);
         let end = bench.now_us() + pause;
         while bench.now_us() < end {
-            let _ = command(&mut bench, run_at(800));
+            let _ = command(&mut bench, run_at_tenths(800));
             bench.run_to_us(end.min(bench.now_us() + 100_000));
         }
         bench.receive(&good[4..]);

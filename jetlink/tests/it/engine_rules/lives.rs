@@ -136,10 +136,10 @@ fn an_engine_that_its_ecu_stopped_in_a_gap_of_5_s_gets_no_run_while_it_coasts() 
     stopped_in_a_gap(5 * SECOND);
 }
 
-fn stopped_in_a_gap(gap: u64) {
+fn stopped_in_a_gap(gap_us: u64) {
     {
         let mut scenario = flying(Ecu::Amt, 90);
-        scenario.silent().fly_us(run(90), Origin::Rc, gap);
+        scenario.silent().fly_us(run(90), Origin::Rc, gap_us);
         scenario.sent();
         for n in 0..100 {
             let _ = scenario.command(run(90));
@@ -151,7 +151,7 @@ fn stopped_in_a_gap(gap: u64) {
         let sent = runs_in(&scenario.sent());
         let first = sent.first().copied();
         let last = sent.last().copied();
-        assert_eq!(sent.len(), 0, "gap {} s: run, first {first:?}, last {last:?}", gap / SECOND);
+        assert_eq!(sent.len(), 0, "gap {} s: run, first {first:?}, last {last:?}", gap_us / SECOND);
     }
 }
 

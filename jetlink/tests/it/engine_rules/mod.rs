@@ -26,13 +26,13 @@ use crate::support::scenario::{
 };
 use bench::by_hand::{at_us, micros};
 
-/// Runs at this throttle under RC; earlier frames and events are dropped.
-fn flying(ecu: Ecu, whole: u8) -> Scenario {
-    let mut scenario = Scenario::started(ecu, percent(whole));
-    scenario.values.half_percents = whole * 2;
-    let _ = scenario.command(run(whole));
+/// Runs at this throttle under RC; nothing is left from before.
+fn flying(ecu: Ecu, percents: u8) -> Scenario {
+    let mut scenario = Scenario::started(ecu, percent(percents));
+    scenario.values.half_percents = percents * 2;
+    let _ = scenario.command(run(percents));
     scenario.pass_us(2 * FRAME_PERIOD_US);
-    let _ = scenario.command(run(whole));
+    let _ = scenario.command(run(percents));
     scenario.sent();
     scenario.bench.events();
     scenario
@@ -56,7 +56,7 @@ fn both(scenario: &mut Scenario, commands: &[(Command, Origin)], micros: u64) {
 }
 
 /// A ZK ECU that sends the whole cycle of its IDs.
-fn zk_cycle(scenario: &mut Scenario, state: u8, shaft: u32, throttle: u8, micros: u64) {
+fn zk_cycle(scenario: &mut Scenario, state: u8, shaft: u32, throttle_percent: u8, micros: u64) {
     scenario.silent();
     let end = scenario.now_us() + micros;
     let mut n = 0;
@@ -65,7 +65,7 @@ fn zk_cycle(scenario: &mut Scenario, state: u8, shaft: u32, throttle: u8, micros
         let frame = match n % 5 {
             0 | 2 => zk_frames::status(1, shaft, [state, 2 << 5, 76]),
             1 => zk_frames::status(6, shaft, [160, 0, 5 << 2]),
-            3 => zk_frames::status(3, shaft, [throttle, 0, 0]),
+            3 => zk_frames::status(3, shaft, [throttle_percent, 0, 0]),
             _ => zk_frames::status(8, shaft, [5, 0, 0]),
         };
         scenario.bench.receive(&frame);

@@ -437,9 +437,9 @@ pub fn tenths(tenths: u16) -> Demand {
     Demand::Throttle(Throttle::from_tenths(tenths).unwrap())
 }
 
-/// Run, in whole percent.
-pub fn run(whole: u8) -> Command {
-    Command::Run(percent(whole))
+/// Run, in percent.
+pub fn run(percents: u8) -> Command {
+    Command::Run(percent(percents))
 }
 
 pub fn rpm(rpm: u32) -> Demand {

@@ -2,7 +2,7 @@
 
 use super::super::oracle::{Input, Retained};
 use super::super::rng::Rng;
-use super::rig::{MS, Rig, SECOND, command_as, now, throttle};
+use super::rig::{MS, Rig, SECOND, command_as, now, throttle_tenths};
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, ReadReady};
 use jetlink::channel::Owner;
@@ -79,7 +79,8 @@ pub(super) fn boot<const N: usize>(
     // Commands may come before the engines' tasks have begun.
     if rng.percent(30) {
         let port = rng.below(N as u64) as usize;
-        let command = rng.pick(&[Command::Arm, Command::Disarm, Command::Run(throttle(0)), Command::Standby]);
+        let command =
+            rng.pick(&[Command::Arm, Command::Disarm, Command::Run(throttle_tenths(0)), Command::Standby]);
         let origin = rng.pick(&Origin::SOURCES);
         let _ = rigs[port].command(&owners[port], origin, command);
     }

@@ -124,7 +124,7 @@ pub(super) fn now() -> u64 {
     clock::now_ns() / 1000
 }
 
-pub(super) fn throttle(tenths: u64) -> Demand {
+pub(super) fn throttle_tenths(tenths: u64) -> Demand {
     Demand::Throttle(Throttle::from_tenths(tenths as u16).expect("0..=1000"))
 }
 
@@ -164,7 +164,7 @@ impl Rig {
             // Whether the ECU can do it is not reported then, and decides whether the source counts as received.
             let telemetry = owner.handle().telemetry();
             if telemetry.stop_latched || telemetry.ordered.order == Order::Listen {
-                command = Command::Run(throttle(0));
+                command = Command::Run(throttle_tenths(0));
             }
         }
         let may_start = matches!(command, Command::Run(_)) && !self.truth.running;

@@ -1,7 +1,7 @@
 //! What the sources command.
 
 use super::super::rng::Rng;
-use super::rig::{MS, Program, Rig, SECOND, now, throttle};
+use super::rig::{MS, Program, Rig, SECOND, now, throttle_tenths};
 use jetlink::channel::Owner;
 use jetlink::command::{Command, Demand, Origin, Rejected};
 use jetlink::units::Rpm;
@@ -14,7 +14,7 @@ impl Rig {
             let most = if rng.percent(10) { self.max_rpm * 2 } else { self.max_rpm };
             return Demand::Rpm(Rpm::new(rng.below(most.into()) as u32 / 10 * 10));
         }
-        throttle(if rng.percent(15) { 0 } else { rng.below(1001) })
+        throttle_tenths(if rng.percent(15) { 0 } else { rng.below(1001) })
     }
 
     pub(super) fn command_all(&mut self, rng: &mut Rng, owner: &Owner<'_>) {
@@ -49,7 +49,7 @@ impl Rig {
             if now >= self.sources[index].changes {
                 let program = self.program(rng, index);
                 let source = &mut self.sources[index];
-                let long = matches!(program, Program::Fly(_)) || program == Program::Run(throttle(0));
+                let long = matches!(program, Program::Fly(_)) || program == Program::Run(throttle_tenths(0));
                 let mean = if long { 60 } else { 12 };
                 source.changes = now + rng.wait(mean * SECOND);
                 source.program = program;
@@ -75,7 +75,7 @@ impl Rig {
             return Program::Silent;
         }
         match rng.below(100) {
-            0..8 => Program::Run(throttle(0)),
+            0..8 => Program::Run(throttle_tenths(0)),
             8..55 => Program::Fly(demand),
             55..75 => Program::Run(demand),
             75..87 => Program::Flap(demand, rng.between(100, 3000) * MS, rng.between(200, 3000) * MS),
@@ -115,7 +115,7 @@ impl Rig {
                     if source.ready_since.is_some_and(|since| now > since + 4 * SECOND) && !truth.live {
                         source.ready_since = None;
                     }
-                    Command::Run(throttle(0))
+                    Command::Run(throttle_tenths(0))
                 } else {
                     if truth.standby {
                         source.ready_since.get_or_insert(now);
