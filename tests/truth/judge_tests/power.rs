@@ -74,11 +74,11 @@ fn starter_of_an_engine_that_is_sent_run_has_power() {
 
 #[test]
 fn reset_keeps_the_power_that_was_and_a_loss_of_power_does_not() {
-    let reset_at = |down: u64, cause, after: bool, later: &[(f64, Option<bool>)], renamed| {
+    let reset_at = |down: u64, cause, after: bool, later: &[(f64, Option<bool>)], renamed: bool| {
         let resets = move |h: &mut History| {
             let (down, up) = (down * SECOND, (down + 1) * SECOND);
             h.resets.push(Reset { down, up, cause });
-            h.renamed.extend(Some(up).filter(|_| renamed));
+            h.renamed.extend(renamed.then_some(up));
             h.frames.retain(|frame| !(down..up + micros(0.2)).contains(&frame.at));
         };
         let [down, up] = [down as f64, (down + 1) as f64];
