@@ -349,7 +349,7 @@ impl EngineContext {
         let frames = self.reader.read(&record);
         self.history.frames.extend(frames);
         if self.history.is_amt() {
-            self.history.sets.extend(self.reader.ends_of_reports(&record));
+            self.history.sets.extend(self.reader.ends_of_sets(&record));
         }
         let (seen, before) = (self.ignitions, self.given_up);
         let (sample, ignitions, given_up, pwm) = self.plug.ecu(|ecu| {

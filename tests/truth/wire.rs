@@ -8,27 +8,38 @@ use sim::wire::{Direction, Entry};
 
 /// A pause between two bytes of an ECU that ends a frame of it, ns.
 const PAUSE: u64 = 2_000_000;
+/// Head of an AMT set, and the bytes of a whole one.
+const SET: (u8, usize) = (0xFF, 6);
 
 #[derive(Debug)]
 pub struct Reader {
     frames: control::Reader,
     /// End of the last byte of the ECU.
     last: u64,
+    /// Bytes since the head of a set that came behind a pause; `None`: what came was no head, or a whole set ended.
+    set: Option<usize>,
 }
 
 impl Reader {
     pub const fn new(protocol: Protocol) -> Self {
-        Self { frames: control::Reader::new(protocol), last: 0 }
+        Self { frames: control::Reader::new(protocol), last: 0, set: None }
     }
 
-    /// The end, in µs, of each frame of the ECU after which another one begins in this part of the record.
-    pub fn ends_of_reports(&mut self, record: &[Entry]) -> Vec<u64> {
+    /// When each set of an AMT ECU ended behind which another byte begins in this part of the record, in µs. Bytes that follow the
+    /// head of a set without a pause are that set's, whatever they were meant to be: nobody can distinguish them.
+    pub fn ends_of_sets(&mut self, record: &[Entry]) -> Vec<u64> {
         let mut ends = Vec::new();
         for entry in record.iter().filter(|entry| entry.direction == Direction::ToNode) {
             let before = core::mem::replace(&mut self.last, entry.end);
-            if before > 0 && entry.start > before + PAUSE {
+            let pause = entry.start > before + PAUSE;
+            if before > 0 && (pause || self.set == Some(SET.1)) {
                 ends.push(before / 1000);
             }
+            self.set = match self.set {
+                _ if pause || before == 0 => (entry.byte == SET.0).then_some(1),
+                Some(bytes) if bytes < SET.1 => Some(bytes + 1),
+                _ => None,
+            };
         }
         ends
     }
@@ -47,4 +58,19 @@ impl Reader {
         };
         self.frames.read(record).map(frame).collect()
     }
+}
+
+#[test]
+fn what_follows_the_head_of_a_set_without_a_pause_completes_it() {
+    const BYTE: u64 = 4_166_667;
+    let bytes = |at: u64, bytes: &[u8]| Entry::delivered(Direction::ToNode, at, BYTE, bytes);
+    let ends = |record: &[Entry]| Reader::new(Protocol::Amt).ends_of_sets(record);
+    let set = bytes(0, &[0xFF, 4, 0, 0, 0, 0]);
+    let whole = 6 * BYTE / 1000;
+    // A set, and its head with 12 other bytes behind it, 125 ms later.
+    let others = |head: u8| [&[head], [0x55, 0x10, 0].repeat(4).as_slice()].concat();
+    let broken = |head: u8| [set.clone(), bytes(125_000_000, &others(head))].concat();
+    assert_eq!(ends(&broken(0xFF)), [whole, 125_000 + whole]);
+    // Without the head they are no set.
+    assert_eq!(ends(&broken(0x55)), [whole]);
 }
