@@ -222,14 +222,12 @@ impl Disturber {
             && now >= until
         {
             self.current = None;
-            end(fault, plug);
-            write_down(history, fault, from, now);
+            self.over(rng, plug, history, (fault, from), now);
             notes.push(format!("over: {fault}"));
         }
         while let Some(at) = self.beside.iter().position(|(.., until)| now >= *until) {
             let (fault, from, _) = self.beside.swap_remove(at);
-            end(fault, plug);
-            write_down(history, fault, from, now);
+            self.over(rng, plug, history, (fault, from), now);
             notes.push(format!("over: {fault}"));
         }
         if self.current.is_none() && now >= self.next {
@@ -288,15 +286,31 @@ impl Disturber {
             return write_down(history, fault, now, now + MS);
         }
         if let Some((fault, from, _)) = self.current.take() {
-            end(fault, plug);
-            write_down(history, fault, from, now);
+            self.over(rng, plug, history, (fault, from), now);
         }
         begin(fault, rng, plug);
         self.current = Some((fault, now, until));
     }
 
-    /// This fault lasts from now until then, in addition to the current one: a fault that the ECU reports, or
-    /// its thermocouple.
+    /// One is over, and is so for the ECU unless another one of its kind lasts.
+    fn over(
+        &self,
+        rng: &mut Rng,
+        plug: &Plug<AnyEcu>,
+        history: &mut History,
+        (fault, from): (Fault, u64),
+        now: u64,
+    ) {
+        let lasting = self.current.iter().chain(&self.beside).map(|(other, ..)| *other);
+        let kind = core::mem::discriminant(&fault);
+        match lasting.filter(|other| core::mem::discriminant(other) == kind).last() {
+            Some(other) => begin(other, rng, plug),
+            None => end(fault, plug),
+        }
+        write_down(history, fault, from, now);
+    }
+
+    /// This goes wrong from now until then, beside what does: a fault that the ECU reports, or its thermocouple.
     pub fn begin_beside(&mut self, rng: &mut Rng, plug: &Plug<AnyEcu>, fault: Fault, now: u64, until: u64) {
         begin(fault, rng, plug);
         self.beside.push((fault, now, until));
@@ -381,7 +395,8 @@ fn end(fault: Fault, plug: &Plug<AnyEcu>) {
 }
 
 pub fn write_down(history: &mut History, fault: Fault, from_us: u64, to_us: u64) {
-    let add = |spans: &mut Spans| spans.push(from_us, to_us);
+    // One that began earlier may end later.
+    let add = |spans: &mut Spans| *spans = spans.union(&Spans::from(&[(from_us, to_us)]));
     match fault {
         Fault::PowerOff => add(&mut history.unpowered),
         Fault::CutToNode => add(&mut history.mute),

@@ -1,6 +1,8 @@
 //! Histories by hand for the judge's rules: the shape of a demand, and orders that last.
 
 use super::*;
+use crate::faults::{Fault, write_down};
+use sim::turbine::EgtSensor;
 
 fn run(tenths: u32) -> PilotCommand {
     PilotCommand::Run(Demanded::Throttle(tenths))
@@ -74,6 +76,17 @@ fn a_demand_falls_at_its_rate_where_one_is_set() {
     };
     story(None).passes();
     story(Some(200)).breaks(&[Rule::Rate]);
+    // A limit may lower it while the thermocouple is broken: also before it broke a second time, until both are over.
+    let broken = |from: f64| {
+        story(Some(200)).with(|h| {
+            h.rules.limit_egt = Some((600.0, false));
+            write_down(h, Fault::Sensor(EgtSensor::Open), micros(40.5), micros(41.5));
+            write_down(h, Fault::Sensor(EgtSensor::Open), micros(from), micros(45.0));
+            assert_eq!(h.sensor, Spans::from(&[(micros(from), micros(45.0))]));
+        })
+    };
+    broken(39.5).passes();
+    broken(40.4).breaks(&[Rule::Rate]);
 }
 
 #[test]
