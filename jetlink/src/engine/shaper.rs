@@ -226,8 +226,9 @@ impl Shaper {
                 let safe = self.fail_safe(now, commanded, shape, config);
                 let most = reduced(commanded, shape.reduced_to);
                 let ramp = u32::from(config.loss.ramp);
-                if in_control && most.is_below(self.moving.demand()) {
-                    // A lower demand of the source in control is obeyed: above the fail-safe by the faster of the two rates.
+                if (in_control || shape.reduced_to.is_some()) && most.is_below(self.moving.demand()) {
+                    // A lower demand of the source in control is obeyed, and so is a reduction without one: above the fail-safe by
+                    // the faster of the two rates.
                     let above = safe.is_below(self.moving.demand());
                     let down = slew.down.map(|down| if above { down.max(ramp) } else { down });
                     (most, Rates { up: None, down })

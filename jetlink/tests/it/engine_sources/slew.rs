@@ -192,6 +192,28 @@ fn a_reduction_does_not_wait_for_a_take_over() {
     }
 }
 
+/// The reduction for an engine that failed also lowers a demand whose source is lost, below the fail-safe throttle: the thrust of the
+/// others is no more balanced then. It does not rise when the other engine runs again.
+#[test]
+fn a_reduction_does_not_end_with_its_source() {
+    for ecu in BOTH {
+        for fails_after in [0, SECOND, 10 * SECOND] {
+            let config = ecu.with(|s| {
+                s.when_other_fails = Some(500);
+                s.loss.throttle = Throttle::from_percent(40).unwrap();
+            });
+            let mut scenario = Scenario::started_with(ecu, config, percent(20));
+            scenario.fly_us(run(20), Origin::Rc, 2 * SECOND).pass_us(fails_after);
+            scenario.bench.act(|engine, now| engine.other_failed(now, true));
+            scenario.pass_us(10 * SECOND);
+            assert_eq!((scenario.tenths(), scenario.wire()), (100, Wire::Run(100)), "{ecu:?} {fails_after}");
+            scenario.bench.act(|engine, now| engine.other_failed(now, false));
+            scenario.pass_us(5 * SECOND);
+            assert_eq!(scenario.tenths(), 100, "{ecu:?}");
+        }
+    }
+}
+
 /// A slew also applies to a demand of the other kind: it rises from what the ECU reports.
 #[test]
 fn a_slew_limits_a_demand_of_the_other_kind() {
