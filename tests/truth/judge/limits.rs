@@ -251,19 +251,23 @@ impl Case<'_> {
             // No source commanded more for the duration of the stages of loss, or of the wait of another source to take over.
             let age = rules.ages.into_iter().max().unwrap_or_default();
             let held = (8 * SECOND).max(age + rules.hold + rules.recover_after + rules.takeover + SECOND);
-            let lately = h.commanded(at.saturating_sub(held), at).iter().filter_map(|commanded| {
-                match commanded.command {
-                    PilotCommand::Run(requested)
-                        if core::mem::discriminant(&requested) == core::mem::discriminant(&demanded) =>
-                    {
-                        Some(self.share(requested))
-                    }
-                    _ => None,
+            let kind = core::mem::discriminant(&demanded);
+            let share = |command| match command {
+                PilotCommand::Run(requested) if core::mem::discriminant(&requested) == kind => {
+                    Some(self.share(requested))
                 }
-            });
-            // A changed demand falls, or rises, at its rate.
+                _ => None,
+            };
+            let lately = h.commanded(at.saturating_sub(held), at);
+            // A demand that is lost is the last of one of them.
+            let silent = !lately.iter().any(|commanded| commanded.command.is_received());
+            let lost = (0..rules.ages.len())
+                .filter(|_| silent)
+                .filter_map(|source| h.last_command(source, at, |command| share(command).is_some()));
+            let wanted = lately.iter().copied().chain(lost).filter_map(|commanded| share(commanded.command));
+            // One that was changed falls, or rises, at its rate.
             let part = h.largest_share(at.saturating_sub(fall + 3 * SECOND), at).unwrap_or(1000);
-            let most = lately.fold(0.0, f64::max) * f64::from(part) / 1000.0;
+            let most = wanted.fold(0.0, f64::max) * f64::from(part) / 1000.0;
             let idle = match demanded {
                 Demanded::Throttle(_) => 0.0,
                 Demanded::Rpm(_) => rules.idle_rpm / rules.max_rpm * 1000.0,

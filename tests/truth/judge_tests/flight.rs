@@ -557,6 +557,23 @@ fn a_demand_is_reduced_while_another_engine_has_failed() {
     };
     story(250).passes();
     story(500).breaks(&[Rule::Reduction]);
+    // Also when its source is lost, and the fail-safe throttle is higher.
+    let lost = |tenths| {
+        flight(ZK5, 40.0)
+            .wire(40.0, 41.5, HALF)
+            .ramp(41.5, 500, 400)
+            .wire(41.7, 50.0, Sent::Full(Switch::Run, 400))
+            .wire(50.0, 60.0, Sent::Full(Switch::Run, tenths))
+            .turbine(40.0, 60.0, Phase::Running, 80_000.0, 500.0)
+            .with(|h| {
+                h.rules.fail_safe = 400;
+                h.rules.when_other_fails = Some(500);
+                h.other_down = Spans::from(&[(50 * SECOND, 70 * SECOND)]);
+                h.other_failed = h.other_down.clone();
+            })
+    };
+    lost(250).passes();
+    lost(400).breaks(&[Rule::Reduction]);
 }
 
 /// It counts as failed as soon as its node shuts it down without a command, before its turbine is out.
