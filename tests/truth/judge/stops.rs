@@ -66,7 +66,9 @@ impl Case<'_> {
         let runs = received && self.runs.within(since, at) == at - since;
         // One frame is a link, and one that no ECU sent is a frame.
         let forged = h.forged.iter().any(|forged| (since..=at).contains(forged));
-        let lost = at > 3 * SECOND && self.blind.within(since, at) == at - since && !forged;
+        // Its first report may have come just now.
+        let until = at + 2 * MS;
+        let lost = at > 3 * SECOND && self.blind.within(since, until) == until - since && !forged;
         up && !h.resets.iter().any(|reset| (since..at).contains(&reset.up)) || runs || lost
     }
 

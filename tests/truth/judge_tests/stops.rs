@@ -68,6 +68,22 @@ fn a_release_counts_behind_a_frame_that_nobody_sent() {
     assert!(released(true) && !released(false));
 }
 
+/// 11700047: it counts from the first report on, which comes with the end of what an ECU takes at most to begin.
+#[test]
+fn a_release_counts_right_behind_the_first_report() {
+    let released = |booted: f64| {
+        let story = flight(ZK5, 40.0)
+            .once(2, 40.0, PilotCommand::Stop)
+            .streams(2, 43.0, 45.0, PilotCommand::Release)
+            .wire(40.02, 45.0, STOP)
+            .wire(45.0, 50.0, STANDBY)
+            .turbine(40.0, 50.0, Phase::Cooling, 5000.0, 400.0)
+            .with(move |h| h.unpowered = Spans::from(&[(40 * SECOND, micros(booted) - h.rules.boot)]));
+        !story.judged().rules().contains(&Rule::Stop)
+    };
+    assert!(released(44.901) && !released(44.903) && !released(46.0));
+}
+
 #[test]
 fn a_stop_is_in_every_frame_until_its_release() {
     let story = |kind, sent: Sent| {
