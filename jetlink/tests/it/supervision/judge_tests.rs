@@ -2,7 +2,7 @@
 
 use super::oracle::{Input, Oracle, Retained, Truth};
 use super::wire::{Frame, Switch};
-use crate::support::scenario::{Ecu, SECOND, percent};
+use crate::support::scenario::{Ecu, SECOND, percent, tenths};
 use embassy_time::Duration;
 use jetlink::command::{Accepted, Command, Demand, Origin};
 
@@ -286,4 +286,42 @@ fn a_source_that_was_lost_while_it_waited_waits_again() {
     }
     let verdict = held_for_a_source_that_waits_again(29 * SECOND);
     assert!(verdict.as_ref().is_err_and(|why| why.starts_with("(6)")), "{verdict:?}");
+}
+
+/// A reply is decided some milliseconds before its end, also at the end of the ramp to the fail-safe.
+#[test]
+fn a_lost_demand_is_at_the_fail_safe_a_frame_after_its_ramp() {
+    // Lost at 20.5 s at 94.4 %, of which 94.0 % is on the wire, without a hold: at 200 %/s it is at idle at 20.972 s.
+    let judged = |at: u64, throttle: u16| {
+        let config = Ecu::Amt.with(|s| {
+            s.timeouts.rc = Duration::from_millis(500);
+            s.loss.hold = Duration::from_ticks(0);
+            s.loss.ramp = 2000;
+        });
+        let mut judge = Oracle::new(config, false, 36_000, 100_000);
+        let commands = |command| Input::Commanded(Origin::Rc, command, Ok(Accepted::InForce));
+        judge.input(0, commands(Command::Arm))?;
+        for step in 0..20_500 / 25 {
+            let at = step * 25 * MS;
+            let (starts, truth) = started_at_3_s(at);
+            judge.input(at, Input::Truth(truth))?;
+            let up = at >= 10 * SECOND;
+            if step.is_multiple_of(2) && at <= 20 * SECOND {
+                let demand = if up { tenths(944) } else { percent(0) };
+                judge.input(at, commands(if starts { Command::Run(demand) } else { Command::Standby }))?;
+            }
+            if step % 5 == 1 {
+                let risen = (at.saturating_sub(10 * SECOND) / (2 * MS)).min(940) / 5 * 5;
+                let switch = if starts { Switch::Run } else { Switch::Standby };
+                judge.frame(at, Frame::Full(switch, u16::try_from(risen).unwrap()))?;
+            }
+        }
+        judge.frame(at, Frame::Full(Switch::Run, throttle)).map(|_| ())
+    };
+    assert_eq!(judged(20_972 * MS, 10), Ok(()));
+    assert_eq!(judged(21_010 * MS, 0), Ok(()));
+    for (at, throttle) in [(20_972, 100), (21_010, 10)] {
+        let verdict = judged(at * MS, throttle);
+        assert!(verdict.as_ref().is_err_and(|why| why.starts_with("(3)")), "{at}: {verdict:?}");
+    }
 }

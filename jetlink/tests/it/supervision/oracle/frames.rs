@@ -290,8 +290,7 @@ impl Oracle {
         let fallen = u64::from(rate) * passed / SECOND;
         // 25 ms of the ramp for a step of it and a frame, and half a percent for AMT's resolution.
         let slack = rate / 40 + if rpm { self.max_rpm / 200 } else { 6 };
-        let bound = u64::from(from).saturating_sub(fallen) + u64::from(slack);
-        let bound = if fallen >= u64::from(from) { u64::from(safe) } else { bound.max(u64::from(safe)) };
+        let bound = (u64::from(from) + u64::from(slack)).saturating_sub(fallen).max(u64::from(safe));
         Some(u32::try_from(bound).unwrap_or(u32::MAX))
     }
 
