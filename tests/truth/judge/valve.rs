@@ -129,8 +129,8 @@ impl Case<'_> {
     fn forged_in_a_row(&self, at: u64) -> bool {
         let forged = &self.h.forged[..self.h.forged.partition_point(|forged| *forged <= at)];
         let [.., first, second] = *forged else { return false };
-        let heard = second - first - self.blind.within(first, second);
-        at <= second + LATE && heard <= self.one_state()
+        let received = second - first - self.blind.within(first, second);
+        at <= second + LATE && received <= self.one_state()
     }
 
     /// Whatever the engine does: what closes the valve is an order of standby or stop, and an ECU that does not follow run is no reason.
