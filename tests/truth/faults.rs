@@ -303,7 +303,7 @@ impl Disturber {
     ) {
         let lasting = self.current.iter().chain(&self.beside).map(|(other, ..)| *other);
         let kind = core::mem::discriminant(&fault);
-        match lasting.filter(|other| core::mem::discriminant(other) == kind).last() {
+        match lasting.filter(|other| core::mem::discriminant(other) == kind).next_back() {
             Some(other) => begin(other, rng, plug),
             None => end(fault, plug),
         }

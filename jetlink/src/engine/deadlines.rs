@@ -36,10 +36,8 @@ impl Engine {
             Mode::Stop(_) | Mode::Standby => None,
         };
         // Without any input, too, the record has how long a silence lasts.
-        let record = match &self.mode {
-            Mode::Listen(_) | Mode::Run(_) => Some(now + SILENCE_STEP),
-            Mode::Pwm { .. } | Mode::Stop(_) | Mode::Standby => None,
-        };
+        let counts = self.begun && matches!(self.mode, Mode::Listen(_) | Mode::Run(_));
+        let record = now.checked_add(SILENCE_STEP).filter(|_| counts);
         // A past deadline has been handled. It is set again by the input that it waits for.
         [gap, wait, pump, sources, of_mode, record].into_iter().flatten().filter(|at| *at > now).min()
     }

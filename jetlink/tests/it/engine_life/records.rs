@@ -135,6 +135,27 @@ fn counts_without_an_order_continue_over_a_second_reset() {
     }
 }
 
+/// Where nothing is received and nothing is due, the silences are retained as they pass: a reset must not forget what went by since
+/// the last event.
+#[test]
+fn silences_are_retained_while_nothing_happens() {
+    for ecu in BOTH {
+        let mut config = ecu.with(|rules| rules.loss.hold = Duration::from_secs(60));
+        if let EcuConfig::Amt(amt) = &mut config.ecu {
+            amt.serial_delay = Duration::from_secs(60);
+        }
+        let mut scenario = Scenario::started_with(ecu, config, percent(50));
+        scenario.fly_us(run(50), Origin::Rc, SECOND).silent().pass_us(20 * SECOND);
+        let now = record(&scenario);
+        assert!(matches!(now.order, Order::Run(_)), "{ecu:?} {now:?}");
+        for silent in [now.silent, now.all_silent] {
+            assert!((19_600..=20_200).contains(&silent.as_millis()), "{ecu:?} {now:?}");
+        }
+        let unconfirmed = if ecu == Ecu::Amt { 19_600..=20_200 } else { 0..=0 };
+        assert!(unconfirmed.contains(&now.unconfirmed.as_millis()), "{ecu:?} {now:?}");
+    }
+}
+
 /// An order that is given up with its source silent: the silence since its last command is retained, although the node has received
 /// it since it began.
 #[test]
