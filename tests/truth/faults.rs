@@ -301,9 +301,9 @@ impl Disturber {
         (fault, from): (Fault, u64),
         now: u64,
     ) {
-        let lasting = self.current.iter().chain(&self.beside).map(|(other, ..)| *other);
+        let mut lasting = self.current.iter().chain(&self.beside).map(|(other, ..)| *other);
         let kind = core::mem::discriminant(&fault);
-        match lasting.filter(|other| core::mem::discriminant(other) == kind).next_back() {
+        match lasting.rfind(|other| core::mem::discriminant(other) == kind) {
             Some(other) => begin(other, rng, plug),
             None => end(fault, plug),
         }
