@@ -97,12 +97,6 @@ impl Case<'_> {
             // the wire.
             let and_next = h.frames_within(at.saturating_sub(NOT_OBEYED), at + LATE + 2 * h.rules.period);
             let ended = and_next.iter().any(|frame| frame.sent.switch() == Some(Switch::Standby));
-            // Standby is obeyed where the ECU reports its engine at rest, also in frames that it did not send.
-            let begun = and_next.iter().rfind(|frame| frame.sent.switch().is_some());
-            let obeyed = begun.and_then(|frame| frame.sent.switch()) == Some(Switch::Standby);
-            if obeyed && self.forged_in_a_row(at) {
-                continue;
-            }
             if begins.is_some_and(|reset| self.failed_before(reset.up, COUNTS_MORE) >= MAY_CLOSE) {
                 self.verdict.exempt("the firmware failed in repeated starts", at - known);
                 continue;
@@ -122,15 +116,6 @@ impl Case<'_> {
                 );
             }
         }
-    }
-
-    /// Whether the last two reports of the engine's state came in frames that no ECU sent: there was no time for another one, or the
-    /// wire was cut.
-    fn forged_in_a_row(&self, at: u64) -> bool {
-        let forged = &self.h.forged[..self.h.forged.partition_point(|forged| *forged <= at)];
-        let [.., first, second] = *forged else { return false };
-        let received = second - first - self.blind.within(first, second);
-        at <= second + LATE && received <= self.one_state()
     }
 
     /// Whatever the engine does: what closes the valve is an order of standby or stop, and an ECU that does not follow run is no reason.

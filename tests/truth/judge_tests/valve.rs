@@ -204,23 +204,3 @@ fn valve_of_an_engine_that_is_out_closes_in_standby_only() {
     };
     assert_eq!([PILOT + 1, PILOT - 1].map(below), [1, 0]);
 }
-
-/// 10700007, 11200017, 11500011: a limit orders standby, and two frames that no ECU sent report the engine at rest, with a cut between them.
-#[test]
-fn valve_follows_standby_where_two_forged_frames_report_rest() {
-    let found = |forged: &[f64], cut: bool, ordered: Sent| {
-        let forged: Vec<u64> = forged.iter().copied().map(micros).collect();
-        let story = flight(ZK5, 40.0).wire(35.31, 40.0, ordered).with(move |h| {
-            h.frames.retain(|frame| frame.sent != HALF || ordered == HALF || frame.at < micros(35.31));
-            h.mute = Spans::from(if cut { &[(33_950 * MS, 35_290 * MS)] } else { &[] });
-            h.forged = forged;
-        });
-        let verdict = pin(story, &[(35.31, Pin::Closed)]).judged();
-        verdict.findings.iter().filter(|found| found.rule == Rule::CutOff).count()
-    };
-    assert_eq!(found(&[33.93, 35.3], true, STANDBY), 0);
-    // One alone, two with reports between them, and any two while run is ordered.
-    assert_eq!(found(&[35.3], true, STANDBY), 1);
-    assert_eq!(found(&[33.93, 35.3], false, STANDBY), 1);
-    assert_eq!(found(&[33.93, 35.3], true, HALF), 1);
-}
