@@ -122,6 +122,12 @@ impl LimitMonitor {
         }
     }
 
+    /// Discards the shaft speeds from before a gap in reception: over its length any speed is plausible, also an odd one.
+    pub const fn gap(&mut self) {
+        (self.plausible, self.first_rpm) = (None, None);
+        self.implausible = LimitState::WITHIN;
+    }
+
     /// The hotter of the last two exhaust temperatures, so that one odd frame does not make a hot exhaust cool.
     pub const fn hottest(&self) -> Option<Celsius> {
         self.egt_filtered

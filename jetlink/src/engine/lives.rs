@@ -47,6 +47,7 @@ impl Engine {
         self.link.gap();
         self.last_gap = Some(Instant::MAX);
         self.exhaust.gap();
+        self.limits.gap();
         match &mut self.mode {
             Mode::Run(Run { life, .. }) | Mode::Pwm { life, .. } => {
                 let doubted = life.in_doubt().is_some();

@@ -609,3 +609,23 @@ fn one_odd_shaft_speed_after_a_reset_is_not_implausible() {
     }
     assert_eq!(scenario.limits(), [LimitKind::Implausible]);
 }
+
+/// A slow change over a gap is no change that a turbine cannot make, and the one back from an odd speed is.
+#[test]
+fn one_odd_shaft_speed_after_a_gap_is_not_implausible() {
+    for ecu in [Ecu::Amt, Ecu::Zk] {
+        let config = ecu.with(|s| s.limits.implausible.action = Action::Standby);
+        let mut scenario = Scenario::started_with(ecu, config, percent(60));
+        scenario.silent().fly_us(run(60), Origin::Rc, 1_400_000);
+        scenario.odd(Reports::Running, Values { rpm: Some(120_000), ..scenario.values });
+        scenario.reports(Reports::Running);
+        scenario.fly_us(run(60), Origin::Rc, 2 * SECOND);
+        assert_eq!((scenario.limits(), scenario.order()), (vec![], Order::Run(percent(60))), "{ecu:?}");
+        // The control: two of them without a gap are.
+        for _ in 0..2 {
+            scenario.pass_us(1000);
+            scenario.odd(Reports::Running, Values { rpm: Some(120_000), ..scenario.values });
+        }
+        assert!(scenario.limits().contains(&LimitKind::Implausible), "{ecu:?}");
+    }
+}
