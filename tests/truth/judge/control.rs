@@ -196,6 +196,8 @@ fn armed(h: &History, brown_out_forgets: bool) -> Vec<(u64, bool)> {
             _ => {}
         }
     }
+    // Behind the last command nobody arms it again.
+    all.extend(lost.map(|reset| (reset.down, false)));
     all
 }
 

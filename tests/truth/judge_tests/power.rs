@@ -54,6 +54,18 @@ fn starter_has_power_when_its_engine_is_armed_and_not_before() {
     };
     disarmed(&[(10.05, Some(false))]).passes();
     disarmed(&[]).breaks(&[Rule::Power]);
+    // So it does after a loss of the node's power, where nobody commands anything any more.
+    let takes_an_armed_ones = |cause| {
+        let story = ready(ZK5).with(|h| {
+            h.commanded.retain(|commanded| commanded.at < 3 * SECOND);
+            h.resets.push(Reset { down: 10 * SECOND, up: 11 * SECOND, cause });
+            h.frames.retain(|frame| frame.at < 10 * SECOND);
+        });
+        let story = story.turbine(5.0, 20.0, Phase::Standby, 0.0, 15.0).wire(11.2, 20.0, STANDBY);
+        let story = power(story, &[(10.0, None), (11.0, Some(true)), (15.0, Some(false))]);
+        story.judged().findings.iter().any(|finding| finding.text.starts_with("an armed engine's"))
+    };
+    assert_eq!([Cause::Watchdog, Cause::PowerOn].map(takes_an_armed_ones), [true, false]);
     // The test of a starter that was begun before is reported in place of standby.
     disarmed(&[]).wire(9.0, 9.01, Sent::Action(6)).passes();
 }
