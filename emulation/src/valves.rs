@@ -231,11 +231,13 @@ fn wrong_power(pin: &Pin, energised: Level, known: &Known) -> Vec<String> {
         }
         let reset = known.reset_at(at);
         let stopped = reset.is_some_and(|reset| known.keeps_stop(reset));
-        if level != energised && stopped {
+        // What was on stays on: a stop that is still latched shows that the memory is whole.
+        let was_on = reset.is_some_and(|reset| pin.at(reset - 1) == energised);
+        if level != energised && stopped && was_on {
             wrong.push(format!("off at {at} ns after a reset, and a stop is latched"));
         }
         if level == energised && before != energised {
-            let restored = reset.is_some_and(|reset| pin.at(reset - 1) == energised) || stopped;
+            let restored = was_on || stopped;
             let runs = sent.iter().any(|sent| {
                 sent.switch == Switch::Run && sent.end + RUN_WITHIN > at && sent.start < at + RUN_WITHIN
             });
@@ -361,9 +363,11 @@ mod tests {
         assert_eq!(power(&[ARMED], 16, &[]), "");
         let reset = [ARMED, (11_000, Level::Floats), (11_003, OPEN), (15_100, SHUT)];
         assert_eq!(power(&reset, 12, &[11_000]), "");
-        // After a reset, a stop switches it on, whatever it was before.
-        let latched = [ARMED, (15_100, SHUT), (17_000, Level::Floats), (17_003, OPEN)];
-        assert_eq!(power(&latched, 12, &[17_000]), "");
+        // A reset leaves it as it was; where that is not known, a latched stop switches it on.
+        for after in [SHUT, OPEN] {
+            let latched = [ARMED, (15_100, SHUT), (17_000, Level::Floats), (17_003, after)];
+            assert_eq!(power(&latched, 12, &[17_000]), "");
+        }
     }
 
     #[test]
