@@ -25,20 +25,23 @@ fn signal(child: &Child, name: &str) {
     assert!(status.expect("kill").success(), "kill -{name}");
 }
 
-/// With the signals that a terminal's shell would give it: whoever runs the tests may ignore some, as `nohup` does and a
+/// A program with the signals that a terminal's shell would give it: whoever runs the tests may ignore some, as `nohup` does and a
 /// shell for what it starts in the background.
-fn jetlink(args: &[&str]) -> Command {
-    let program = env!("CARGO_BIN_EXE_jetlink");
+fn with_default_signals(program: &str) -> Command {
     let defaults = ["--default-signal=HUP,INT,TERM"];
     let can_reset =
         Command::new("env").args(defaults).arg("true").output().is_ok_and(|run| run.status.success());
-    let mut command = if can_reset {
+    if can_reset {
         let mut command = Command::new("env");
         command.args(defaults).arg(program);
         command
     } else {
         Command::new(program)
-    };
+    }
+}
+
+fn jetlink(args: &[&str]) -> Command {
+    let mut command = with_default_signals(env!("CARGO_BIN_EXE_jetlink"));
     command.arg("rig").args(args).env("TERM", "xterm-256color").env("RUST_BACKTRACE", "0");
     command
 }

@@ -242,7 +242,7 @@ fn a_suspended_rig_comes_back_and_a_resized_one_is_drawn_again() {
 fn a_suspended_rig_can_be_ended() {
     for (signal, status) in [("TERM", 143), ("HUP", 129)] {
         // A shell with job control, on a terminal that controls it.
-        let mut shell = Command::new("setsid");
+        let mut shell = crate::with_default_signals("setsid");
         shell.args(["--ctty", "bash", "--norc", "--noprofile", "--noediting", "-i"]).env("PS1", "");
         let mut terminal = Terminal::start_as("xterm-256color", shell);
         let before = terminal.modes();
@@ -252,7 +252,7 @@ fn a_suspended_rig_can_be_ended() {
         terminal.types(&[26]);
         wait_until("it stops", || terminal.output().contains("Stopped"));
         // The shell also sends SIGCONT to a job that is stopped.
-        terminal.types(format!("kill -{signal} %1; wait %1; echo \"status: $?\"\n").as_bytes());
+        terminal.types(format!("kill -{signal} %1; wait -f %1; echo \"status: $?\"\n").as_bytes());
         wait_until("it ends", || terminal.output().contains(&format!("status: {status}")));
         let output = terminal.output();
         let (_, normal) = output.split_once(LEAVE_ALTERNATE_SCREEN).expect("the alternate screen is left");
