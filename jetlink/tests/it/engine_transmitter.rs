@@ -71,7 +71,7 @@ fn next_frame(scenario: &mut Scenario) -> Wire {
     scenario.sent().pop().expect("a switch and a demand")
 }
 
-/// The first throttle handed out after so many unsent frames at idle, and then at 100 %, because of `why`.
+/// The first throttle handed out after this number of unsent frames at idle, and then at 100 %, because of `why`.
 fn first_throttle_behind(ecu: Ecu, why: NotSent, at_idle: usize, at_full: usize) -> Wire {
     let mut scenario = Scenario::started_with(ecu, ecu.config(), percent(0));
     scenario.reports(Reports::Running).fly_us(run(0), Origin::Rc, 2 * SECOND);

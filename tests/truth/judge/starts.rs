@@ -445,7 +445,8 @@ impl Case<'_> {
                 }
                 // An AMT ECU reports that it was powered up.
                 let not_received = h.noise.union(&h.mute).union(&self.down);
-                let announced = h.unpowered.last_before(at).is_some_and(|(_, powered)| {
+                let powered = h.unpowered.last_before(at).map(|(_, powered)| powered);
+                let announced = powered.is_some_and(|powered| {
                     let set_up = powered + h.rules.boot;
                     self.is_amt()
                         && went_out.is_some_and(|out| out <= powered)
@@ -483,15 +484,16 @@ impl Case<'_> {
                 }
                 // A reset of the node or a wire that was cut hid the power-up, and the first reports still show that the engine runs,
                 // with its shaft turning: a running engine.
-                let hidden = h
-                    .unpowered
-                    .last_before(at)
-                    .is_some_and(|(_, powered)| self.down.union(&h.mute).touches(powered, at));
+                let is_hidden = |from| self.down.touches(from, at) || h.mute.touches(from, at);
                 let stale = anew.is_some_and(|anew| {
                     let reports = h.rules.boot + (1 + h.rules.stale) * h.rules.period + 100 * MS;
                     // By the setting: 20 in the raw unit in which idle is 60 to 74.
                     let turns = h.sample(at).is_some_and(|sample| sample.rpm > h.rules.idle_rpm / 4.0);
-                    h.rules.stale > 0 && self.is_amt() && at < anew + reports && turns && hidden
+                    h.rules.stale > 0
+                        && self.is_amt()
+                        && at < anew + reports
+                        && turns
+                        && powered.is_some_and(is_hidden)
                 });
                 if stale {
                     is_exempt(

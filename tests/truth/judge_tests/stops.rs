@@ -51,19 +51,26 @@ fn an_engine_that_is_shut_down_goes_out() {
     by_command(PilotCommand::ShutDown, 66.0).with(cut).passes();
 }
 
+/// Whether a stop at 40 s is over at 45 s, when standby follows it on the wire: its release is streamed from 43 s to `until`.
+fn is_released(until: f64, change: impl FnOnce(&mut History)) -> bool {
+    let story = flight(ZK5, 40.0)
+        .once(2, 40.0, PilotCommand::Stop)
+        .streams(2, 43.0, until, PilotCommand::Release)
+        .wire(40.02, 45.0, STOP)
+        .wire(45.0, 50.0, STANDBY)
+        .turbine(40.0, 50.0, Phase::Cooling, 5000.0, 400.0)
+        .with(change);
+    !story.judged().rules().contains(&Rule::Stop)
+}
+
 /// While the ECU is silent a release does not count. A frame that no ECU sent is one to the node.
 #[test]
 fn a_release_counts_behind_a_frame_that_nobody_sent() {
     let released = |forged: bool| {
-        let story = flight(ZK5, 40.0)
-            .once(2, 40.0, PilotCommand::Stop)
-            .streams(2, 43.0, 46.0, PilotCommand::Release)
-            .wire(40.02, 45.0, STOP)
-            .wire(45.0, 50.0, STANDBY)
-            .turbine(40.0, 50.0, Phase::Cooling, 5000.0, 400.0)
-            .with(|h| h.mute = Spans::from(&[(40 * SECOND, 50 * SECOND)]))
-            .with(move |h| h.forged.extend(forged.then_some(44_990 * MS)));
-        !story.judged().rules().contains(&Rule::Stop)
+        is_released(46.0, |h| {
+            h.mute = Spans::from(&[(40 * SECOND, 50 * SECOND)]);
+            h.forged.extend(forged.then_some(44_990 * MS));
+        })
     };
     assert!(released(true) && !released(false));
 }
@@ -72,14 +79,9 @@ fn a_release_counts_behind_a_frame_that_nobody_sent() {
 #[test]
 fn a_release_counts_right_behind_the_first_report() {
     let released = |booted: f64| {
-        let story = flight(ZK5, 40.0)
-            .once(2, 40.0, PilotCommand::Stop)
-            .streams(2, 43.0, 45.0, PilotCommand::Release)
-            .wire(40.02, 45.0, STOP)
-            .wire(45.0, 50.0, STANDBY)
-            .turbine(40.0, 50.0, Phase::Cooling, 5000.0, 400.0)
-            .with(move |h| h.unpowered = Spans::from(&[(40 * SECOND, micros(booted) - h.rules.boot)]));
-        !story.judged().rules().contains(&Rule::Stop)
+        is_released(45.0, |h| {
+            h.unpowered = Spans::from(&[(40 * SECOND, micros(booted) - h.rules.boot)]);
+        })
     };
     assert!(released(44.901) && !released(44.903) && !released(46.0));
 }
