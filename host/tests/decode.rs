@@ -4,6 +4,9 @@
 //! (the arguments) and `NAME.jsonl` (standard output, to the letter). They are written by hand from the
 //! protocol documents, not by the program.
 
+#[path = "support/signals.rs"]
+mod signals;
+
 use serde_json::Value;
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -28,7 +31,7 @@ struct Outcome {
 }
 
 fn spawn(args: &[&str]) -> Child {
-    Command::new(env!("CARGO_BIN_EXE_jetlink"))
+    signals::with_default_signals(env!("CARGO_BIN_EXE_jetlink"))
         .arg("decode")
         .args(args)
         .stdin(Stdio::piped())

@@ -5,6 +5,8 @@ mod busy;
 mod ending;
 #[path = "../support/process.rs"]
 mod process;
+#[path = "../support/signals.rs"]
+mod signals;
 mod terminal;
 #[path = "../support/wait.rs"]
 mod wait;
@@ -25,23 +27,8 @@ fn signal(child: &Child, name: &str) {
     assert!(status.expect("kill").success(), "kill -{name}");
 }
 
-/// A program with the signals that a terminal's shell would give it: whoever runs the tests may ignore some, as `nohup` does and a
-/// shell for what it starts in the background.
-fn with_default_signals(program: &str) -> Command {
-    let defaults = ["--default-signal=HUP,INT,TERM"];
-    let can_reset =
-        Command::new("env").args(defaults).arg("true").output().is_ok_and(|run| run.status.success());
-    if can_reset {
-        let mut command = Command::new("env");
-        command.args(defaults).arg(program);
-        command
-    } else {
-        Command::new(program)
-    }
-}
-
 fn jetlink(args: &[&str]) -> Command {
-    let mut command = with_default_signals(env!("CARGO_BIN_EXE_jetlink"));
+    let mut command = signals::with_default_signals(env!("CARGO_BIN_EXE_jetlink"));
     command.arg("rig").args(args).env("TERM", "xterm-256color").env("RUST_BACKTRACE", "0");
     command
 }

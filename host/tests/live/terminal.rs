@@ -242,7 +242,7 @@ fn a_suspended_rig_comes_back_and_a_resized_one_is_drawn_again() {
 fn a_suspended_rig_can_be_ended() {
     for (signal, status) in [("TERM", 143), ("HUP", 129)] {
         // A shell with job control, on a terminal that controls it.
-        let mut shell = crate::with_default_signals("setsid");
+        let mut shell = crate::signals::with_default_signals("setsid");
         shell.args(["--ctty", "bash", "--norc", "--noprofile", "--noediting", "-i"]).env("PS1", "");
         let mut terminal = Terminal::start_as("xterm-256color", shell);
         let before = terminal.modes();
