@@ -69,7 +69,7 @@ impl DerefMut for BenchEngine {
 
 impl Machine for BenchEngine {
     fn start(&mut self, now: Instant) {
-        self.0.start(now, None);
+        self.0.start(now);
     }
 
     fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {

@@ -73,11 +73,10 @@ pub struct Channel {
     memory: Option<Retained>,
 }
 
-/// Memory that survives a reset, and which of its contents to use.
+/// Memory that survives a reset, and whose it is.
 struct Retained {
     memory: &'static RetainedMemory,
     fingerprint: u32,
-    reset: Reset,
     /// Sequence number of the next write.
     sequence: AtomicU32,
 }
@@ -99,7 +98,7 @@ impl Channel {
         let memory = retained.map(|(memory, reset)| {
             let fingerprint = config.fingerprint();
             engine.restore(memory.load(fingerprint, reset));
-            Retained { memory, fingerprint, reset, sequence: AtomicU32::new(memory.next_sequence()) }
+            Retained { memory, fingerprint, sequence: AtomicU32::new(memory.next_sequence()) }
         });
         Self {
             name: config.name,
@@ -129,13 +128,9 @@ impl Channel {
         Owner { handle: Handle { channel: self, group } }
     }
 
-    /// Starts the engine with its retained state.
+    /// Starts the engine.
     pub(crate) fn begin(&self, now: Instant) {
-        let retained = self
-            .memory
-            .as_ref()
-            .and_then(|retained| retained.memory.load(retained.fingerprint, retained.reset));
-        self.with(|engine| engine.start(now, retained));
+        self.with(|engine| engine.start(now));
     }
 
     /// Changes the engine. Interrupts wait meanwhile, so keep it short.

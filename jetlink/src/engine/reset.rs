@@ -24,10 +24,10 @@ fn seconds(time: Duration) -> u16 {
 }
 
 impl Engine {
-    /// Restores the state that survived a reset. Call it before any command, so that a command before [`Engine::start`] does
-    /// not replace it.
+    /// Restores the state that survived a reset. Call it before any command, so that it does not replace what is commanded before
+    /// [`Engine::start`]. After that it does nothing.
     pub fn restore(&mut self, retained: Option<RetainedState>) {
-        let Some(retained) = retained else { return };
+        let Some(retained) = retained.filter(|_| !self.begun) else { return };
         (self.armed, self.failed) = (retained.armed, retained.failed);
         self.arm_commanded = Origins::from_bits(retained.arm_commanded);
         self.must_disarm = Origins::from_bits(retained.must_disarm);
@@ -51,9 +51,9 @@ impl Engine {
         }
     }
 
-    /// Begins after any kind of reset, with the state that survived it. Once: a second runner of the same engine finds it as the
-    /// first one left it, and no run comes into doubt.
-    pub fn start(&mut self, now: Instant, retained: Option<RetainedState>) {
+    /// Begins after any kind of reset, with what [`Engine::restore`] restored. Once: a second runner of the same engine finds it as
+    /// the first one left it, and no run comes into doubt.
+    pub fn start(&mut self, now: Instant) {
         if self.begun {
             return;
         }
@@ -61,9 +61,6 @@ impl Engine {
         self.touch();
         (self.begun, self.started) = (true, now);
         self.at = self.at.max(now);
-        if self.retained.is_none() {
-            self.restore(retained);
-        }
         let retained = self.retained.take();
         self.close_pump();
         match self.mode {
@@ -139,11 +136,7 @@ impl Engine {
     /// The state to retain.
     pub fn record(&self) -> RetainedState {
         let by = self.ordered.origin;
-        // Commands of a lower source must not prolong the hold of a lost source's demand.
-        let received = match &self.mode {
-            Mode::Run(run) => self.sources.has_commanded(run.in_control()),
-            _ => self.sources.last_command().is_some(),
-        };
+        let received = self.source_received();
         let retained = match &self.mode {
             Mode::Listen(_) if self.retained.is_some() => {
                 self.retained.unwrap_or(RetainedState::new(Order::Listen, by))
@@ -208,14 +201,30 @@ impl Engine {
         };
         let resets = if received { 0 } else { self.resets };
         RetainedState {
+            resets,
             armed: self.armed,
             failed: self.failed,
             link: self.link.record(),
             pump_open: self.pump_may_be_open(),
-            resets,
             arm_commanded: self.arm_commanded.bits(),
             must_disarm: self.must_disarm.bits(),
             ..retained
+        }
+    }
+
+    /// Whether a source was received since the node started.
+    fn source_received(&self) -> bool {
+        match &self.mode {
+            // Commands of a lower source must not prolong the hold of a lost source's demand.
+            Mode::Run(run) => self.sources.has_commanded(run.in_control()),
+            _ => self.sources.last_command().is_some(),
+        }
+    }
+
+    /// Ends the count of resets without a source once one is received, also for an order of which that source is no part.
+    pub(super) fn count_resets(&mut self) {
+        if self.source_received() {
+            self.resets = 0;
         }
     }
 

@@ -28,6 +28,7 @@ impl Engine {
         self.note_failure(now);
         self.apply_limits(now);
         self.arbitrate(now);
+        self.count_resets();
         self.shape(now);
         self.configure_resting_link(now);
         if let Some(active_source) = self.active(now)

@@ -694,7 +694,7 @@ fn a_retained_stop_stays_with_the_higher_source() {
         engine.restore(record(Order::EmergencyStop, retained));
         engine.command(at_us(0), Command::EmergencyStop, again, true).unwrap();
         assert_eq!(engine.record().origin, holds);
-        engine.start(at_us(0), record(Order::EmergencyStop, retained));
+        engine.start(at_us(0));
         assert_eq!((engine.record().order, engine.record().origin), (Order::EmergencyStop, holds));
     }
 }

@@ -13,7 +13,7 @@ use sim::clock;
 use std::cell::RefCell;
 
 /// A UART that receives nothing, and sends everything at once.
-struct Silent;
+pub struct Silent;
 
 impl embedded_io_async::ErrorType for Silent {
     type Error = core::convert::Infallible;

@@ -117,7 +117,10 @@ fn engine_after(config: Config, record: Option<RetainedState>) -> Bench<BenchEng
     let mut bench = Bench::engine(&engine);
     if record.is_some() {
         *bench.machine = Engine::new(&engine);
-        bench.act(|machine, now| Engine::start(machine, now, record));
+        bench.act(|engine, now| {
+            engine.restore(record);
+            Engine::start(engine, now);
+        });
     }
     bench
 }

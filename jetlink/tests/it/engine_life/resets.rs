@@ -62,7 +62,8 @@ fn a_second_start_changes_nothing() {
         let record = scenario.bench.machine.record();
         assert!(matches!(order, Order::Run(_)));
         for retained in [None, Some(record)] {
-            scenario.bench.machine.start(now, retained);
+            scenario.bench.machine.restore(retained);
+            scenario.bench.machine.start(now);
             assert_eq!(scenario.order(), order, "{ecu:?}");
             scenario.fly_us(run(50), Origin::Rc, SECOND);
             assert_eq!((scenario.order(), scenario.telemetry().in_doubt), (order, None), "{ecu:?}");
@@ -429,7 +430,7 @@ fn a_disarm_before_the_engine_begins_ends_an_interrupted_start() {
         machine.restore(Some(record));
         machine.command(at_us(0), command, Origin::Rc, true).unwrap();
         let mut scenario = Scenario::nothing_received(Ecu::Amt, config);
-        machine.start(at_us(0), Some(record));
+        machine.start(at_us(0));
         *scenario.bench.machine = machine;
         scenario.bench.drain();
         for _ in 0..4 {

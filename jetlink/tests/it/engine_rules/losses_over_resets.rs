@@ -259,3 +259,33 @@ fn resets_count_only_without_the_source_in_control() {
     let record = scenario.bench.machine.record();
     assert!(record.resets >= 3 || record.loss >= jetlink::event::LossStage::FailSafe, "{record:?}");
 }
+
+/// "Consecutive resets without a source": one that commanded since the last reset ends the count, also if its order was given up since
+/// and the engine was found again without it. The control: one that did not command.
+#[test]
+fn resets_count_anew_after_a_source_whose_order_was_given_up() {
+    let config = Ecu::Amt.with(|supervision| {
+        supervision.loss.hold = micros(12 * SECOND);
+        supervision.loss.standby_after = Some(micros(3 * SECOND));
+    });
+    for commands in [true, false] {
+        let mut scenario = Scenario::started_with(Ecu::Amt, config, percent(50));
+        scenario = scenario.reset(config);
+        scenario.bench.frames();
+        let command = if commands { run(50) } else { Command::Present };
+        scenario.reports(Reports::Running);
+        scenario.fly_us(command, Origin::Rc, SECOND);
+        // The ECU's serial delay time is 4 s.
+        scenario.silent().pass_us(5 * SECOND);
+        assert_eq!(scenario.order(), Order::Listen);
+        scenario.values.half_percents = 100;
+        scenario.reports(Reports::Running);
+        assert!(matches!(scenario.order(), Order::Run(_)), "{}", scenario.order());
+        for _ in 0..2 {
+            scenario = scenario.reset(config);
+            scenario.bench.frames();
+            scenario.reports(Reports::Running);
+        }
+        assert_eq!(matches!(scenario.order(), Order::Run(_)), commands, "{}", scenario.order());
+    }
+}

@@ -63,7 +63,7 @@ fn a_lower_sources_standby_before_the_runner_begins_ends_no_run() {
     for n in 1..20 {
         let _ = engine.command(at_us(n * COMMAND_PERIOD_US), Command::Standby, Origin::Mavlink, true);
     }
-    engine.start(at_us(2 * SECOND), None);
+    engine.start(at_us(2 * SECOND));
     let order = engine.telemetry(at_us(2 * SECOND)).ordered.order;
     assert_ne!(order, Order::Standby, "the record: {retained:?}");
 }

@@ -1,8 +1,10 @@
 //! Faults found by random worlds, each as the shortest schedule that shows it.
 
+use crate::runner_watch::Silent;
 use crate::support::scenario::{
-    BOTH, COMMAND_PERIOD_US, Reports, SECOND, Scenario, Values, Wire, percent, run, tenths,
+    BOTH, COMMAND_PERIOD_US, Ecu, Reports, SECOND, Scenario, Values, Wire, percent, run, tenths,
 };
+use core::pin::pin;
 use embassy_time::Duration;
 use jetlink::channel::Channel;
 use jetlink::command::{Accepted, Command, Interlock, Order, Origin, Rejected};
@@ -11,7 +13,9 @@ use jetlink::engine::retained::{Reset, RetainedMemory, RetainedState};
 use jetlink::event::LossStage;
 use jetlink::limit::{Action, Limit};
 use jetlink::line::Line;
+use jetlink::runner::LineErrors;
 use jetlink::units::{Celsius, Throttle};
+use sim::clock;
 
 /// The demand of a source that is gone is held for 2 s at most, however many others come and go in turn meanwhile.
 #[test]
@@ -105,6 +109,30 @@ fn a_command_before_the_engine_begins_does_not_release_a_retained_stop() {
     // It counts as one more reset without a source.
     let retained = RetainedState::new(Order::EmergencyStop, Origin::Rc).with(|state| state.resets = 1);
     assert_eq!(memory.load(config.fingerprint(), Reset::Warm), Some(retained));
+}
+
+/// What is commanded after a loss of power, before the engine's task has begun, is in force: only what is left from before the loss
+/// has lost what could start an engine.
+#[test]
+fn an_arm_after_a_loss_of_power_before_the_engine_begins_stays() {
+    let config = Ecu::Zk.config();
+    for commanded in [true, false] {
+        clock::reset();
+        let memory: &'static RetainedMemory = Box::leak(Box::new(RetainedMemory::new()));
+        if !commanded {
+            let armed = RetainedState::new(Order::Standby, Origin::Rc).with(|state| state.armed = true);
+            memory.store(&armed, config.fingerprint());
+        }
+        let channel = Channel::new(&config, Some((memory, Reset::PowerLost)));
+        if commanded {
+            let rc = channel.owner().source(Origin::Rc).unwrap();
+            assert_eq!(rc.command(Command::Arm), Ok(Accepted::InForce));
+        }
+        let errors = LineErrors::new();
+        let mut runner = pin!(channel.runner().run(Silent, Silent, &errors));
+        clock::run_for(runner.as_mut(), Duration::from_millis(10));
+        assert_eq!(channel.handle().telemetry().armed, commanded);
+    }
 }
 
 /// A reset retains the demand on the wire, not one that a slew has not reached yet.

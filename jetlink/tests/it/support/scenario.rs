@@ -196,7 +196,8 @@ impl Scenario {
     pub fn after_reset(ecu: Ecu, config: EngineConfig, retained: Option<RetainedState>) -> Self {
         let mut scenario = Self::nothing_received(ecu, config);
         let mut machine = Engine::new(&config);
-        machine.start(at_us(0), retained);
+        machine.restore(retained);
+        machine.start(at_us(0));
         *scenario.bench.machine = machine;
         scenario.bench.events();
         scenario.bench.frames();

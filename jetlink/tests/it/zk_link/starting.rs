@@ -18,7 +18,10 @@ fn started_with(version: u8) -> Bench<BenchEngine> {
     let config = EngineConfig::zk("z", 0, LINE, Rate::Hz20);
     let mut bench = Bench::engine(&config);
     *bench.machine = Engine::new(&config);
-    bench.act(|engine, now| engine.start(now, Some(RetainedState::new(Order::Standby, Origin::Rc))));
+    bench.act(|engine, now| {
+        engine.restore(Some(RetainedState::new(Order::Standby, Origin::Rc)));
+        engine.start(now);
+    });
     for _ in 0..30 {
         engine_slot(&mut bench, &zk::identity(160, version, 0));
         engine_slot(&mut bench, &zk::state(STATE_STANDBY));
