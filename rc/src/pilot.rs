@@ -111,6 +111,15 @@ struct Settling {
     all: bool,
 }
 
+/// Frames with the switch at stop while another channel cannot be read: the first and the last one.
+#[derive(Clone, Copy, Debug)]
+struct UnreadableStop {
+    first: Instant,
+    last: Instant,
+    /// A frame of another sender came after the last one.
+    other: bool,
+}
+
 /// Radio control of one engine.
 #[derive(Debug)]
 pub struct Pilot<'a> {
@@ -134,8 +143,8 @@ pub struct Pilot<'a> {
     /// The start of the last move waits for another engine.
     waits: bool,
     alternation: Alternation,
-    /// First and last of consecutive frames with the switch at stop while another channel cannot be read.
-    unreadable_stop: Option<(Instant, Instant)>,
+    /// Frames with the switch at stop while another channel cannot be read.
+    unreadable_stop: Option<UnreadableStop>,
     calibration: Option<Calibration>,
     /// The stored settings are damaged, and nobody has confirmed the present ones.
     damaged: bool,
@@ -290,9 +299,9 @@ impl<'a> Pilot<'a> {
         let throttle = channels.get(self.settings.throttle);
         let alternates = throttle.is_some_and(|pulse| self.alternation.see(now, pulse.us()));
         let reading = match self.read(channels) {
-            Ok(_) if alternates => return self.unreadable(now, channels, Ignored::Throttle),
+            Ok(_) if alternates => return self.unreadable(now, channels, Ignored::Throttle, true),
             Ok(reading) => reading,
-            Err(why) => return self.unreadable(now, channels, why),
+            Err(why) => return self.unreadable(now, channels, why, alternates),
         };
         self.unreadable_stop = None;
         let Settling { before, position, all } = self.settle(now, &reading);
@@ -332,17 +341,19 @@ impl<'a> Pilot<'a> {
         Outcome::Commanded(command, self.source.command(command))
     }
 
-    /// A frame with a channel that cannot be read. Only a stop is obeyed, once it has been held: a broken stick must not disable it.
-    fn unreadable(&mut self, now: Instant, channels: &Channels, why: Ignored) -> Outcome {
+    /// A frame with a channel that cannot be read. Only a stop is obeyed, once it has been held: a broken stick must not disable it. If two
+    /// senders alternate, every second frame is enough.
+    fn unreadable(&mut self, now: Instant, channels: &Channels, why: Ignored, alternates: bool) -> Outcome {
         let pulse =
             channels.get(self.settings.switch).filter(|pulse| why != Ignored::Off && pulse.us() >= DRIVEN);
+        let row = self.unreadable_stop.filter(|row| now.saturating_duration_since(row.last) <= GAP);
         if pulse.and_then(|pulse| Position::of(pulse, &self.settings)) != Some(Position::Stop) {
-            self.unreadable_stop = None;
+            let row = row.filter(|row| alternates && !row.other);
+            self.unreadable_stop = row.map(|row| UnreadableStop { other: true, ..row });
             return Outcome::Ignored(why);
         }
-        let row = self.unreadable_stop.filter(|(_, last)| now.saturating_duration_since(*last) <= GAP);
-        let first = row.map_or(now, |(first, _)| first);
-        self.unreadable_stop = Some((first, now));
+        let first = row.map_or(now, |row| row.first);
+        self.unreadable_stop = Some(UnreadableStop { first, last: now, other: false });
         if now.saturating_duration_since(first) < HOLD_RETURN {
             return Outcome::Ignored(why);
         }

@@ -501,6 +501,37 @@ fn two_receivers_on_one_line_are_silence_and_either_one_stops() {
     });
 }
 
+/// They have alternated for a while when one of the two moves to stop. Servo pulses are left out: each channel has a wire of its own.
+#[test]
+fn a_stop_counts_beside_another_receiver_that_was_there_before() {
+    for (kind, of_the_second) in
+        [(Kind::Sbus, false), (Kind::Sbus, true), (Kind::Crsf, false), (Kind::Crsf, true)]
+    {
+        run(kind, async |world| {
+            world.start().await;
+            world.radio.stick.set(1300);
+            world.radio.second.set(Some((1900, RUN)));
+            world.pass_s(3.0).await;
+            // A moment is not enough.
+            let to_stop = |stop: bool| {
+                let position = if stop { STOP } else { RUN };
+                if of_the_second {
+                    world.radio.second.set(Some((1900, position)));
+                } else {
+                    world.radio.switch.set(position);
+                }
+            };
+            to_stop(true);
+            world.pass_s(0.2).await;
+            to_stop(false);
+            world.pass_s(1.0).await;
+            assert!(!world.telemetry().stop_latched);
+            to_stop(true);
+            world.until("a stop", 1, || world.telemetry().stop_latched).await;
+        });
+    }
+}
+
 #[test]
 fn a_wire_of_pulses_that_breaks_is_silence() {
     for wire in [1, 2, 3] {
