@@ -190,6 +190,17 @@ impl<'a> Engine<'a> {
         self.switch != Switch::Stopped
     }
 
+    /// Changes its settings. What its demand source has sent so far may be that of another source now.
+    pub fn configure(&mut self, settings: EngineSettings) {
+        self.settings = settings;
+        self.forget_demand();
+    }
+
+    /// Forgets the last demand: no start is judged by it.
+    pub const fn forget_demand(&mut self) {
+        self.demand = None;
+    }
+
     /// Takes a demand of its demand source. Each is passed on at once, so that the engine sees how old it is.
     pub fn take_demand(&mut self, situation: Situation<'_>, throttle: Throttle) -> Option<Refusal> {
         self.demand = Some((throttle, situation.now));
@@ -272,11 +283,15 @@ impl<'a> Engine<'a> {
         while_disarmed: bool,
     ) -> Result<(), (Ack, Option<Refusal>)> {
         let now = situation.now;
+        let refused = |why: Refusal| Err((why.ack(), Some(why)));
+        // It was sent before the stop, and its first copy was lost.
+        if confirmation > 0 && self.stopped_at.is_some_and(|at| now < at + REPEAT) {
+            return refused(Refusal::Stopped);
+        }
         let last =
             self.last_starts.iter().find(|last| last.from == from && last.while_disarmed == while_disarmed);
         if let Some(last) = last.filter(|last| confirmation > 0 || now < last.at + REPEAT) {
             let recent = now < last.at + REPEAT;
-            let refused = |why: Refusal| Err((why.ack(), Some(why)));
             match last.ack {
                 _ if self.stopped_at.is_some_and(|at| at >= last.at) => return refused(Refusal::Stopped),
                 Ack::Accepted if self.switch != Switch::Stopped => return Err((Ack::Accepted, None)),

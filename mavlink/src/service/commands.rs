@@ -148,6 +148,12 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
                     (Some(1), Some(0 | 1), Some(0), Some(0 | WHILE_DISARMED)) if self.reboot => {
                         refuse(Refusal::Restarts)
                     }
+                    // It would be judged by a setting that may not stay.
+                    (Some(1), Some(0 | 1), Some(0), Some(0 | WHILE_DISARMED))
+                        if self.is_being_set(engine) =>
+                    {
+                        refuse(Refusal::StoreBusy)
+                    }
                     (Some(1), Some(0 | 1), Some(0), Some(bits @ (0 | WHILE_DISARMED))) => {
                         let Some(engine) = self.engines.get_mut(engine) else { return Ok(Ack::Unsupported) };
                         let situation = Self::situation(now, &self.vehicle, &self.received);

@@ -219,7 +219,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
                     if settings.low >= settings.high {
                         return Err(Refusal::EndPoints);
                     }
-                    engine.settings = settings;
+                    engine.configure(settings);
                 } else {
                     let mut config = engine.config;
                     // Its name and its range have been checked.

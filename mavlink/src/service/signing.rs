@@ -3,6 +3,7 @@
 use super::{ParameterStorage, Place, Service};
 use crate::attached::Attached;
 use crate::cover::Fate;
+use crate::engine::Engine;
 use crate::fields::{Fields, setup_signing};
 use crate::frame::{Address, Frame};
 use crate::ids::Severity;
@@ -142,6 +143,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         self.request = RateRequest::new(now);
         self.clocks = [FrameClock::default(); 2];
         self.received.clear();
+        self.engines.iter_mut().for_each(Engine::forget_demand);
         Ok(key.is_some())
     }
 }

@@ -314,9 +314,10 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             }
             Place::Engine(engine) => {
                 let Some(engine) = self.engines.get_mut(engine) else { return };
-                if !engine.settings.set_own::<false>(row.name, old)
-                    && engine.config.change_parameter(row.name, old)
-                {
+                let mut settings = engine.settings;
+                if settings.set_own::<false>(row.name, old) {
+                    engine.configure(settings);
+                } else if engine.config.change_parameter(row.name, old) {
                     // It was valid before.
                     let _ = Self::configure(engine, &engine.config, row);
                 }
@@ -327,6 +328,11 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
     /// Whether every engine is known to be at rest.
     pub fn is_at_rest(&self) -> bool {
         self.engines.iter().all(|engine| engine.is_known_at_rest())
+    }
+
+    /// Whether a setting of an engine waits to be stored. If it cannot be, the old one returns.
+    pub(super) fn is_being_set(&self, engine: usize) -> bool {
+        self.pending.iter().any(|pending| pending.place == Place::Engine(engine))
     }
 
     /// Whether nothing waits to be stored.

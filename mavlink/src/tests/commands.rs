@@ -208,6 +208,26 @@ fn a_repeated_start_gets_the_last_answer_and_does_nothing() {
     });
 }
 
+/// A sender repeats a start whose first copy was lost. Somebody has stopped the engine in between.
+#[test]
+fn a_repeat_whose_first_copy_was_lost_starts_nothing_behind_a_stop() {
+    run(async |world| {
+        world.ready().await;
+        let repeat = async |component: u8| {
+            let (from, to) = (Address { system: 255, component }, (SYSTEM, ENGINE[1]));
+            world.command_from(TO_GROUND, from, to, CMD_DO_ENGINE_CONTROL, 1, &[1.0]).await
+        };
+        assert_eq!(world.control(1, &[0.0]).await.0, ACCEPTED);
+        world.pass_s(4.0).await;
+        let (answer, text) = repeat(191).await;
+        assert!(answer == NOT_NOW && text.contains("this start is a repeat"), "{answer:?} {text}");
+        assert_eq!(world.telemetry(1).ordered.order, Order::Standby);
+        // No sender repeats for that long: it is a new one, of which the first copy was lost.
+        world.pass_s(1.0).await;
+        assert_eq!(repeat(192).await.0, ACCEPTED);
+    });
+}
+
 #[test]
 fn disarming_ends_a_start_and_the_bit_allows_one() {
     run(async |world| {

@@ -9,6 +9,9 @@ use crate::service::parameters::{engine_parameters, node_parameters};
 use crate::settings::EngineSettings;
 use crate::settings::NodeSettings;
 use crate::signing::SigningState;
+use crate::store::NotSaved;
+use embassy_time::Instant;
+use jetlink::command::Order;
 use jetlink::config::EngineConfig;
 use jetlink::ecu::zk::codec::Rate;
 use jetlink::engine::state::EngineState;
@@ -216,6 +219,29 @@ fn what_moves_an_engine_is_refused_while_one_turns() {
 }
 
 /// A board that stores nothing has RAM for a limited number of changes. One more is refused; another value of an earlier one is not.
+/// The old value returns if the new one is not stored: an engine that has begun to start would get the throttle of another output.
+#[test]
+fn no_engine_starts_while_a_setting_of_it_is_being_stored() {
+    run(async |world| {
+        world.ready().await;
+        world.service.borrow_mut().set_parameter_storage(ParameterStorage::Stored);
+        let at = world.frames.borrow().len();
+        assert_eq!(world.set(ENGINE[0], "MAV_THR_OUT", 5.0).await.0, None, "not answered yet");
+        let (answer, texts) = world.control(0, &[1.0]).await;
+        assert!(answer == Some(1) && texts.contains("being stored"), "{answer:?} {texts}");
+        // The other engine's settings are not in question.
+        assert_eq!(world.control(1, &[1.0]).await.0, Some(0));
+        assert!(world.service.borrow_mut().next_save().is_some());
+        world.service.borrow_mut().saved(Instant::now(), Err(NotSaved::Full));
+        world.pass_s(0.2).await;
+        assert_eq!(world.answers(at).0, Some(3.0));
+        assert_eq!(world.telemetry(0).ordered.order, Order::Standby);
+        world.until("the other one runs", 120, || world.telemetry(1).state == EngineState::Running).await;
+        world.pass_s(11.0).await;
+        world.start(0).await;
+    });
+}
+
 #[test]
 fn a_change_that_ram_cannot_retain_is_refused_where_nothing_is_stored() {
     const NONE: Defaults<'static> = Defaults {

@@ -291,6 +291,9 @@ fn the_key_is_set_and_cleared_by_usb_with_all_engines_at_rest() {
         assert_eq!(counted(world), SigningCounters { setups_refused: 2, ..NOTHING });
         let (has, texts) = set_up(world, TO_GROUND, &bytes(SETUP)).await;
         assert!(has && texts.contains("signing key set"), "{texts}");
+        // Its unsigned throttle is forgotten at once.
+        let (answer, texts) = world.control(1, &[1.0, 0.0, 0.0, 1.0]).await;
+        assert!(answer == Some(1) && texts.contains("no throttle"), "{answer:?} {texts}");
         // The autopilot has no key yet; what comes over USB needs none, and what is sent is signed from here on.
         world.pass_s(5.0).await;
         assert!(counted(world).not_signed > 50);

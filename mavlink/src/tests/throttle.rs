@@ -59,6 +59,25 @@ fn a_start_runs_at_idle_and_then_follows_the_throttle() {
     });
 }
 
+/// The throttle of output 3 is at idle. After a change of the source, it says nothing about the new one.
+#[test]
+fn a_start_is_judged_by_the_source_that_is_set_and_not_by_the_one_before() {
+    run(async |world| {
+        world.ready().await;
+        let mut outputs = world.plane.outputs.get();
+        outputs[4] = 0;
+        world.plane.outputs.set(outputs);
+        for (name, silent, driven) in [("MAV_THR_OUT", 5.0, 6.0), ("MAV_THR_SRC", 2.0, 1.0)] {
+            assert_eq!(world.set(ENGINE[0], name, silent).await.0, Some(silent));
+            let (answer, texts) = world.control(0, &[1.0]).await;
+            assert!(answer == Some(1) && texts.contains("no throttle received"), "{name} {answer:?} {texts}");
+            world.pass_s(6.0).await;
+            assert_eq!(world.set(ENGINE[0], name, driven).await.0, Some(driven));
+        }
+        world.start(0).await;
+    });
+}
+
 #[test]
 fn disarmed_holds_at_idle_and_does_not_stop() {
     run(async |world| {
