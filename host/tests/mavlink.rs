@@ -130,6 +130,12 @@ fn a_real_arduplane_on_a_slow_link_and_one_with_a_key_make_no_engine_jump_or_sta
     under_arduplane("arduplane_slow.py", "4", "5", "flown by a real ArduPlane on a slow link");
 }
 
+#[test]
+#[ignore = "in real time, and needs an ArduPlane: .ci/mavlink"]
+fn a_real_arduplane_beside_another_vehicle_is_learnt_only_once_it_is_alone() {
+    under_arduplane("arduplane_two.py", "4", "6", "flown beside another vehicle");
+}
+
 /// Plays a script with a simulated ArduPlane of its own, if there is one.
 fn under_arduplane(script: &str, usual_speed: &str, instance: &str, end: &str) {
     let Ok(arduplane) = std::env::var(ARDUPLANE) else {
