@@ -7,7 +7,6 @@ use crate::wire::Far;
 use sim::amt;
 use sim::any::AnyConfig;
 use sim::line::Line;
-use sim::turbine::Parameters;
 use sim::zk::Rate;
 
 /// The protocol of an ECU.
@@ -40,10 +39,15 @@ impl Engine {
 
     /// The same, with a turbine that starts within 5 s, so that engines run soon.
     pub fn quick_ecu(&self) -> Box<dyn Far> {
+        Box::new(self.quick_config().ecu())
+    }
+
+    /// The configuration of that one.
+    pub fn quick_config(&self) -> AnyConfig {
         let mut config = self.config();
         let turbine = config.turbine_mut();
-        *turbine = Parameters { ignition_s: 0.5, preheat_s: 0.5, ramp_s: 2.0, learn_s: 0.5, ..*turbine };
-        Box::new(config.ecu())
+        *turbine = turbine.starting_in(3.5);
+        config
     }
 
     /// The configuration of its simulated ECU.

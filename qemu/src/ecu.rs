@@ -4,10 +4,9 @@
 //! the firmware is sent at the end of its stop bit. Bytes from it are spaced as on the line, and the ECU receives each at the
 //! end of its stop bit.
 
+use bench::rows::simulated;
 use jetlink::config::EngineConfig;
-use jetlink::ecu::EcuConfig;
-use jetlink::ecu::amt::codec::EngineModel;
-use sim::any::{AnyConfig, AnyEcu};
+use sim::any::AnyEcu;
 use sim::ecu::{Ecu, LineFault, MILLIS, Nanos};
 use sim::line::Line;
 use sim::turbine::{Parameters, Phase};
@@ -50,16 +49,13 @@ impl Attached {
     /// The ECU of a row in the table of engines. ZK ECUs alternate between protocol versions 5 and 4.
     pub fn new(row: usize, engine: &EngineConfig, turbine: Turbine) -> Self {
         let line = sim::line_of!(engine.line);
-        let mut config = match &engine.ecu {
-            EcuConfig::Amt(config) => AnyConfig::amt(amt_engine(config.engine)),
-            EcuConfig::Zk(_) => AnyConfig::zk(if row.is_multiple_of(2) { 5 } else { 4 }),
-        };
+        let mut config = simulated(engine).with_version(if row.is_multiple_of(2) { 5 } else { 4 });
         if turbine == Turbine::Quick {
             *config.turbine_mut() = quick(*config.turbine());
             config = config.with_reply_window(WIDE_WINDOW);
         }
         let caption = format!("{}, {config}, {} baud", engine.name, line.baud);
-        let ecu = config.on(line).ecu();
+        let ecu = config.ecu();
         Self { engine: *engine, ecu, line, caption, phases: Vec::new(), odd: 0 }
     }
 
@@ -108,24 +104,9 @@ impl Attached {
     }
 }
 
-/// The simulated engine for a row of the table; an Olympus where the row names none, or one that is not simulated.
-fn amt_engine(engine: Option<EngineModel>) -> sim::amt::EngineModel {
-    let simulated = engine.and_then(|engine| sim::amt::EngineModel::named(engine.name()));
-    simulated.unwrap_or(sim::amt::EngineModel::Olympus)
-}
-
 /// The same turbine with a quick start and cooling.
 fn quick(turbine: Parameters) -> Parameters {
-    Parameters {
-        ignition_s: 1.0,
-        preheat_s: 1.0,
-        ramp_s: 3.0,
-        learn_s: 1.0,
-        acceleration_s: 2.0,
-        coast_s: 1.0,
-        cooling_s: 2.0,
-        ..turbine
-    }
+    Parameters { acceleration_s: 2.0, coast_s: 1.0, cooling_s: 2.0, ..turbine.starting_in(6.0) }
 }
 
 /// An ECU served by a thread.

@@ -7,7 +7,7 @@ use crate::amt::{self, AmtConfig};
 use crate::ecu::{Counts, Ecu, LineFault, Nanos};
 use crate::line::Line;
 use crate::turbine::{Parameters, Phase, Turbine};
-use crate::vendor::{VendorConfig as _, VendorEcu as _};
+use crate::vendor::{VendorConfig, VendorEcu as _};
 use crate::zk::ZkConfig;
 
 macro_rules! any {
@@ -45,6 +45,22 @@ macro_rules! any {
             pub const fn protocol(&self) -> Protocol {
                 match self {
                     $(Self::$name(_) => Protocol::$name,)+
+                }
+            }
+
+            /// The usual ECU of this protocol for the engine with this number. Without such an engine, and for 0: that of the
+            /// usual engine.
+            pub fn of_engine(protocol: Protocol, number: u8) -> Self {
+                match protocol {
+                    $(Protocol::$name => Self::$name(VendorConfig::of_engine(number)),)+
+                }
+            }
+
+            /// The same with this version of the protocol, if it has versions.
+            #[must_use]
+            pub fn with_version(self, version: u8) -> Self {
+                match self {
+                    $(Self::$name(config) => Self::$name(config.with_version(version)),)+
                 }
             }
 

@@ -17,6 +17,15 @@ pub trait VendorConfig: Clone + fmt::Debug + fmt::Display {
     /// Whether the ECU waits for a reply to each of its frames.
     const HAS_REPLY_WINDOW: bool;
 
+    /// The usual ECU of the engine with this number. Without such an engine, and for 0: that of the usual engine.
+    fn of_engine(number: u8) -> Self;
+
+    /// The same with this version of the protocol, if it has versions.
+    #[must_use]
+    fn with_version(self, _version: u8) -> Self {
+        self
+    }
+
     /// The same on another line.
     #[must_use]
     fn on(self, line: Line) -> Self;

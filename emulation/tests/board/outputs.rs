@@ -142,15 +142,8 @@ fn standby_closes_the_valve_once_the_engine_is_at_rest() {
         // The starter turns it until it is cold: in a few seconds here.
         for engine in engines::of(board, Image::Outputs) {
             if [AMT, ZK].contains(&engine.port) {
-                let mut config = engine.config();
-                let quick = Parameters {
-                    ignition_s: 0.5,
-                    preheat_s: 0.5,
-                    ramp_s: 2.0,
-                    learn_s: 0.5,
-                    ..*config.turbine_mut()
-                };
-                *config.turbine_mut() = Parameters { cooling_s: 3.0, ..quick };
+                let mut config = engine.quick_config();
+                config.turbine_mut().cooling_s = 3.0;
                 run = run.ecu(engine.port, engine.line, config.ecu());
             }
         }

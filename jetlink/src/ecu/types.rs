@@ -86,8 +86,8 @@ macro_rules! vendor_types {
                 }
             }
 
-            /// The protocol, and the engine that it is set to: another number makes retained state invalid.
-            pub(crate) const fn identity(&self) -> [u8; 2] {
+            /// The protocol, and the engine that it is set to, 0 where it has none: another number makes retained state invalid.
+            pub const fn identity(&self) -> [u8; 2] {
                 match self {
                     $(Self::$name(config) => [$number, config.identity()],)+
                 }

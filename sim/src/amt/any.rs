@@ -1,6 +1,6 @@
 //! An AMT ECU as one of any protocol.
 
-use super::{AmtConfig, AmtEcu, error};
+use super::{AmtConfig, AmtEcu, EngineModel, error};
 use crate::ecu::{Counts, Nanos};
 use crate::line::Line;
 use crate::turbine::{Parameters, Turbine};
@@ -18,6 +18,12 @@ impl VendorConfig for AmtConfig {
 
     const HAS_CHECKSUM: bool = false;
     const HAS_REPLY_WINDOW: bool = true;
+
+    /// From 1 on, in the order of [`EngineModel::ALL`]; the Olympus is the usual one.
+    fn of_engine(number: u8) -> Self {
+        let engine = EngineModel::ALL.into_iter().zip(1..).find(|(_, known)| *known == number);
+        Self::new(engine.map_or(EngineModel::Olympus, |(engine, _)| engine))
+    }
 
     fn on(self, line: Line) -> Self {
         Self::on(self, line)

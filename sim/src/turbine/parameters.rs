@@ -176,6 +176,18 @@ impl Parameters {
         cooling_s: 20.0,
     };
 
+    /// The same turbine with a start of this duration: for tests, which need not wait for a real one.
+    #[must_use]
+    pub fn starting_in(self, seconds: f64) -> Self {
+        Self {
+            ignition_s: 0.15 * seconds,
+            preheat_s: 0.2 * seconds,
+            ramp_s: 0.5 * seconds,
+            learn_s: 0.15 * seconds,
+            ..self
+        }
+    }
+
     /// Position of a speed between idle (0) and maximum (1).
     pub fn load(&self, rpm: f64) -> f64 {
         ((rpm - self.idle_rpm) / (self.max_rpm - self.idle_rpm)).clamp(0.0, 1.0)

@@ -19,6 +19,15 @@ impl VendorConfig for ZkConfig {
     const HAS_CHECKSUM: bool = true;
     const HAS_REPLY_WINDOW: bool = false;
 
+    /// Its engines have no numbers; version 5 is the usual one.
+    fn of_engine(_: u8) -> Self {
+        Self::new(5)
+    }
+
+    fn with_version(self, version: u8) -> Self {
+        Self { version, ids: Self::new(version).ids, ..self }
+    }
+
     fn on(self, line: Line) -> Self {
         Self::on(self, line)
     }

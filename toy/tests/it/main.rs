@@ -1,16 +1,14 @@
 //! The toy protocol's tests, as docs/porting.md lists them: the codec against the document, the settings, the timing table of
 //! the link, a node with its runner against the simulated ECU, and the simulation's reader of control frames.
 
-mod command;
-mod ecu;
-
 use bench::by_hand::Bench;
-use bench::wired::{self, LONG, received, throttle_percent};
-use command::{BadCommand, ToyCommand};
-use ecu::ToyEcu;
+use bench::rows::simulated;
+use bench::wired::{self, LONG, control_frames, received, throttle_percent};
 use embassy_time::Duration;
+use sim::any::{AnyEcu, Protocol};
+use sim::control::{self, Reader, Switch};
 use sim::ecu::Ecu;
-use sim::frame::{ControlFrame, Reader, Switch};
+use sim::toy::{BadCommand, ToyCommand, ToyEcu};
 use sim::wire::{Direction, Entry};
 use toy::command::{Accepted, Command, Demand, Order, Origin, Rejected};
 use toy::config::{ConfigError, EngineConfig, LinkSettings, check, validate};
@@ -32,11 +30,28 @@ const ENGINE: EngineConfig = EngineConfig::new("toy", 0, LINE, EcuConfig::Toy(Co
 const _: () = check(&[ENGINE]);
 const RUN: Order = Order::Run(Demand::Throttle(Throttle::IDLE));
 
-/// An ECU that is powered up at 0.
-fn powered() -> ToyEcu {
-    let mut ecu = ToyEcu::default();
+/// The simulated ECU for the row [`ENGINE`], powered up at 0. Its engine starts in a second.
+fn powered() -> AnyEcu {
+    let mut config = simulated(&ENGINE);
+    let turbine = config.turbine_mut();
+    *turbine = turbine.starting_in(1.0);
+    let mut ecu = config.ecu();
     ecu.power(0, true);
     ecu
+}
+
+/// The toy ECU of a bench.
+fn toy<T>(bench: &wired::Bench<AnyEcu>, look: impl FnOnce(&mut ToyEcu) -> T) -> T {
+    bench.plug.ecu(|ecu| look(ecu.inner_mut().downcast_mut().expect("a toy ECU")))
+}
+
+/// The commands that it obeyed.
+fn obeyed(bench: &wired::Bench<AnyEcu>) -> Vec<ToyCommand> {
+    toy(bench, |ecu| ecu.commands.iter().map(|(_, command)| *command).collect())
+}
+
+fn runs(bench: &wired::Bench<AnyEcu>) -> bool {
+    bench.plug.ecu(|ecu| ecu.phase().is_live())
 }
 
 fn bench() -> Bench<ToyLink> {
@@ -176,22 +191,24 @@ fn node_starts_and_stops_a_toy_engine() {
     let mut events = handle.events().expect("a free place");
     bench.play(LONG, async {
         bench.start().await;
-        assert!(bench.plug.ecu(|ecu| ecu.running));
-        bench.plug.ecu(|ecu| ecu.overheated = true);
+        assert!(runs(&bench));
+        toy(&bench, |ecu| ecu.report_overheated(true));
         bench.command_for(throttle_percent(0), Duration::from_secs(1)).await;
         let faults = any::Faults::Toy(Faults { overheated: true });
         assert_eq!(handle.telemetry().report.faults.unwrap().value, faults);
         assert!(received(&mut events).contains(&Event::Faults(faults)));
         bench.command(Command::EmergencyStop, Origin::Bench).unwrap();
-        bench.until(|bench| !bench.plug.ecu(|ecu| ecu.running)).await;
+        bench.until(|bench| !runs(bench)).await;
         bench.until(|bench| bench.in_phase(Phase::Standby)).await;
     });
-    let mut commands = bench.plug.ecu(|ecu| ecu.commands.clone());
+    let mut commands = obeyed(&bench);
     commands.dedup();
-    assert_eq!(commands, [0, 1, 2, 3], "the first slots are before the first command");
+    let first = [ToyCommand::Nothing, ToyCommand::Standby, ToyCommand::Run, ToyCommand::EmergencyStop];
+    assert_eq!(commands, first, "the first slots are before the first command");
+    assert_eq!(bench.plug.ecu(|ecu| ecu.host_faults()), [""; 0]);
 }
 
-/// What the node sends, read as the rig and the judges of random worlds read it: the protocol's `ControlFrame` is all that they need.
+/// What the node sends, read as the rig and the judges of random worlds read it.
 #[test]
 fn reader_of_the_simulation_reads_what_a_toy_node_sends() {
     let bench = wired::Bench::new(&ENGINE, powered(), 1);
@@ -201,13 +218,10 @@ fn reader_of_the_simulation_reads_what_a_toy_node_sends() {
         bench.command(Command::EmergencyStop, Origin::Bench).unwrap();
         bench.until(|bench| bench.in_phase(Phase::Standby)).await;
     });
-    let mut reader = Reader::<ToyCommand>::strict(1_000);
-    let record = bench.plug.log();
-    let found = record.iter().filter_map(|entry| reader.entry(entry));
-    let frames: Vec<_> = found.map(|found| found.frame().expect("no part of a frame")).collect();
-    let received = bench.plug.ecu(|ecu| ecu.commands.clone());
-    assert_eq!(frames.iter().map(|frame| frame.bytes[1]).collect::<Vec<_>>(), received);
-    let mut switches: Vec<_> = frames.iter().map(|frame| frame.command.unwrap().switch()).collect();
+    let frames = control_frames(Protocol::Toy, &bench.plug.log());
+    let commands = || frames.iter().map(|(_, command)| *command);
+    assert!(commands().eq(obeyed(&bench).into_iter().map(control::Command::Toy)));
+    let mut switches: Vec<_> = commands().map(control::Command::switch).collect();
     switches.dedup();
     assert_eq!(switches, [None, Some(Switch::Standby), Some(Switch::Run), Some(Switch::Stop)]);
 }
@@ -215,10 +229,11 @@ fn reader_of_the_simulation_reads_what_a_toy_node_sends() {
 #[test]
 fn reader_of_the_simulation_finds_toy_frames_behind_a_part_of_one() {
     let record = Entry::delivered(Direction::ToEcu, 0, 1, &[0x5A, 0x5A, 2, 4, 0x5A, 9, 0x5A, 4]);
-    let mut reader = Reader::<ToyCommand>::new();
+    let mut reader = Reader::new(Protocol::Toy);
     let found: Vec<_> = reader.read(&record).map(|frame| (frame.start, frame.command)).collect();
-    let bad = Err(BadCommand::Number(9));
-    assert_eq!(found, [(1, Ok(ToyCommand::Run)), (4, bad), (6, Ok(ToyCommand::Prime))]);
+    let toy = |command| Ok(control::Command::Toy(command));
+    let bad = Err(control::BadFrame::Toy(BadCommand::Number(9)));
+    assert_eq!(found, [(1, toy(ToyCommand::Run)), (4, bad), (6, toy(ToyCommand::Prime))]);
 }
 
 /// A service command passes the engine's interlocks, and takes a send slot.
@@ -226,13 +241,14 @@ fn reader_of_the_simulation_finds_toy_frames_behind_a_part_of_one() {
 fn node_primes_a_toy_engine_in_standby_only() {
     let prime = Command::Service(any::Service::Toy(Service::Prime));
     let bench = wired::Bench::new(&ENGINE, powered(), 1);
-    let primed = || bench.plug.ecu(|ecu| ecu.commands.iter().filter(|command| **command == 4).count());
+    let primed = || obeyed(&bench).into_iter().filter(|command| *command == ToyCommand::Prime).count();
     bench.play(LONG, async {
         bench.start().await;
         assert!(bench.command(prime, Origin::Bench).is_err());
         bench.command_for(throttle_percent(0), Duration::from_secs(1)).await;
         assert_eq!(primed(), 0);
-        bench.command_for(Command::Standby, Duration::from_secs(3)).await;
+        // It has to be cold.
+        bench.command_for(Command::Standby, Duration::from_secs(60)).await;
         assert_eq!(bench.command(prime, Origin::Bench), Ok(Accepted::InForce));
         bench.command_for(Command::Standby, Duration::from_secs(1)).await;
         assert_eq!(primed(), 1);
@@ -243,7 +259,7 @@ fn node_primes_a_toy_engine_in_standby_only() {
 #[test]
 fn node_takes_settings_of_the_toy_protocol_at_rest() {
     let bench = wired::Bench::new(&ENGINE, powered(), 1);
-    let received = || bench.plug.ecu(|ecu| ecu.commands.len());
+    let received = || obeyed(&bench).len();
     bench.play(LONG, async {
         bench.start().await;
         let mut config = ENGINE;
@@ -259,8 +275,8 @@ fn node_takes_settings_of_the_toy_protocol_at_rest() {
     });
 }
 
-/// docs/porting.md says what a new protocol needs in the library: its folder and two lines in `ecu/mod.rs`. All other files
-/// are the library's own.
+/// docs/porting.md says what a new protocol needs in the library: its folder and two lines in `ecu/mod.rs`; and in the simulation: its
+/// folder, a `mod` line, and a line in `protocols.rs`. All other files are their own.
 #[test]
 fn toy_protocol_takes_a_folder_and_two_lines() {
     let read = |name: &str| {
@@ -279,13 +295,23 @@ fn toy_protocol_takes_a_folder_and_two_lines() {
     let without: Vec<&String> = toys.iter().filter(|line| !added.contains(&line.trim_start())).collect();
     assert_eq!(without, librarys.iter().collect::<Vec<_>>());
 
-    let modules = |text: &str| -> Vec<String> {
-        let mut modules = lines(text);
+    let (table, simulated) = (lines(&read("sim/src/protocols.rs")), lines(&read("toy/sim/src/protocols.rs")));
+    let added: Vec<&String> = simulated.iter().filter(|line| !table.contains(line)).collect();
+    let [doc, row] = added[..] else { panic!("{added:#?}") };
+    assert_eq!(doc.trim_start(), "/// The toy protocol.");
+    assert!(row.trim_start().starts_with("Toy toy($crate::toy::ToyConfig, "), "{row}");
+    assert!(simulated.iter().filter(|line| !added.contains(line)).eq(&table));
+
+    let modules = |name: &str| -> Vec<String> {
+        let mut modules = lines(&read(name));
         modules.retain(|line| line.contains("mod ") && line.ends_with(';'));
         modules.sort();
         modules
     };
-    assert_eq!(modules(&read("toy/src/lib.rs")), modules(&read("jetlink/src/lib.rs")));
+    assert_eq!(modules("toy/src/lib.rs"), modules("jetlink/src/lib.rs"));
+    let mut simulation = modules("toy/sim/src/lib.rs");
+    simulation.retain(|line| line != "pub mod toy;");
+    assert_eq!(simulation, modules("sim/src/lib.rs"));
 }
 
 /// The files that docs/porting.md names for a protocol are there for AMT, and so are those that it does not name by vendor.

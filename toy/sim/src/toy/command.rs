@@ -1,25 +1,31 @@
-//! The toy protocol's control frames, for the simulation's reader: written from the document (the head of `src/ecu/toy/mod.rs`) and
-//! not from the codec.
+//! Control frames of the toy protocol.
 
+use crate::frame::{ControlFrame, Switch};
 use core::fmt;
-use sim::frame::{ControlFrame, Switch};
 
 const HEAD: u8 = 0x5A;
 
 /// A command from the host.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ToyCommand {
+    /// Nothing.
     Nothing,
+    /// Shut down.
     Standby,
+    /// Run.
     Run,
+    /// Stop at once.
     EmergencyStop,
+    /// Prime the fuel line.
     Prime,
 }
 
 /// Reason why bytes are not a valid command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BadCommand {
+    /// The first byte is not the head.
     Head,
+    /// The document has no command of this number.
     Number(u8),
 }
 
