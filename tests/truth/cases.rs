@@ -146,17 +146,17 @@ fn ecu_dips_end_the_run() {
         for dip in [200, 3000, 180_000] {
             let mut acts = flight(demand);
             acts.push(at(AT * 1000, Act::Fault(Fault::PowerOff, dip * MS)));
-            let amt = setup.is_amt();
+            let replies_only = setup.traits().replies_only;
             let seen = Seen::of(setup.clone(), acts, vec![], 330);
             seen.is_good().ignitions(0, 1);
             let back = AT * 1000 + dip;
-            if !amt {
+            if !replies_only {
                 // From the third missing frame on, nothing that could start an engine.
                 seen.only(AT * 1000 + 300, back + 250, 1, |sent| is_empty(sent) || is_standby(sent));
             }
             // The pilot continues with run, and it is not obeyed.
             seen.only(back + 2500, 330_000, 100, |sent| {
-                is_standby(sent) || !amt && matches!(sent, Sent::Nothing | Sent::Action(_))
+                is_standby(sent) || !replies_only && matches!(sent, Sent::Nothing | Sent::Action(_))
             });
         }
     }
@@ -203,13 +203,13 @@ fn a_brown_out_of_the_node_costs_no_engine() {
                 acts.push(at(AT * 1000 - 5000, Act::Fault(Fault::Error(5), 60 * SECOND)));
             }
             let blows = vec![reset(AT * 1000, 300, Cause::BrownOut)];
-            let amt = setup.is_amt();
+            let hidden = error && setup.traits().faults_hide_state;
             let seen = Seen::of(setup, acts, blows, 110);
             seen.is_good().ignitions(0, 1).phase_is(0, 109_000, Phase::Running);
             seen.only(AT * 1000, 110_000, 100, |sent| {
                 !is_standby(sent) && sent.switch() != Some(Switch::Stop)
             });
-            if demand == Demanded::Throttle(DEMAND) && !(error && amt) {
+            if demand == Demanded::Throttle(DEMAND) && !hidden {
                 seen.demand_is(0, 109_000, DEMAND);
             }
         }
@@ -230,10 +230,10 @@ fn each_wire_is_cut_and_mended_while_the_pilot_moves_the_stick_and_shuts_down() 
                 at(AT * 1000 + 10_000, stream(RC, PilotCommand::Run(half))),
                 at(AT * 1000 + 20_000, stream(RC, PilotCommand::Standby)),
             ]);
-            let amt = setup.is_amt();
+            let replies_only = setup.traits().replies_only;
             let seen = Seen::of(setup.clone(), acts, vec![], 130);
             seen.is_good().ignitions(0, 1);
-            if !amt {
+            if !replies_only {
                 // Standby is sent blind, and run no longer.
                 let quiet = |sent| is_standby(sent) || matches!(sent, Sent::Nothing | Sent::Action(_));
                 seen.only(AT * 1000 + 20_500, 130_000, 300, quiet);
@@ -253,10 +253,10 @@ fn two_seconds_of_framing_noise_cost_no_engine() {
         for fault in [Fault::Damage(true, false), Fault::Framing(160_000)] {
             let mut acts = flight(demand);
             acts.push(at(AT * 1000, Act::Fault(fault, 2 * SECOND)));
-            let amt = setup.is_amt();
+            let replies_only = setup.traits().replies_only;
             let seen = Seen::of(setup.clone(), acts, vec![], 90);
             seen.is_good().ignitions(0, 1).phase_is(0, 89_000, Phase::Running);
-            if amt && fault != Fault::Damage(true, false) {
+            if replies_only && fault != Fault::Damage(true, false) {
                 // Sets whose values cannot be read get the same replies as before.
                 seen.only(AT * 1000, AT * 1000 + 2000, 6, is_run);
             }

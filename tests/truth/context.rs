@@ -348,7 +348,7 @@ impl EngineContext {
         let record = self.plug.take_log();
         let frames = self.reader.read(&record);
         self.history.frames.extend(frames);
-        if self.history.is_amt() {
+        if self.history.traits().replies_only {
             self.history.sets.extend(self.reader.ends_of_sets(&record));
         }
         let (seen, before) = (self.ignitions, self.given_up);
@@ -492,7 +492,7 @@ impl EngineContext {
         let at = now();
         self.look();
         self.disturber.finish(&mut self.history, at);
-        self.history.sets.extend(self.reader.last_report().filter(|_| self.history.is_amt()));
+        self.history.sets.extend(self.reader.last_report().filter(|_| self.history.traits().replies_only));
         self.valve.end(&mut self.history, at);
         if let Some(since) = self.pwm_since.take() {
             self.history.pwm.push(since, at);

@@ -1,7 +1,7 @@
 //! Faults of one ECU and its two wires. The history records every disturbance as it really was.
 
 use crate::ecus::{self, Odd};
-use crate::history::{History, Kind, MS, Rules, SECOND, Spans};
+use crate::history::{History, MS, Rules, SECOND, Spans};
 use crate::pilots::Rng;
 use core::fmt;
 use sim::any::AnyEcu;
@@ -166,7 +166,7 @@ impl Disturber {
 
     /// A disturbance that may exempt no rule for long: rarely one that costs an AMT engine.
     fn choose(&self, rng: &mut Rng, rules: &Rules) -> (Fault, u64) {
-        let (amt, patience) = (rules.kind == Kind::Amt, rules.gives_up_after);
+        let (serial_delay, patience) = (rules.kind.traits().serial_delay, rules.gives_up_after);
         let power = match self.long {
             true => rng.spread(50 * MS, 900 * SECOND),
             false => rng.spread(50 * MS, 20 * SECOND),
@@ -182,7 +182,7 @@ impl Disturber {
             40..45 => (Fault::CutBoth, cut),
             36..38 => (Fault::Stall, rng.spread(50 * MS, patience * 9 / 10)),
             // Just as long as the ECU tolerates.
-            45..53 if amt => {
+            45..53 if serial_delay => {
                 (rng.pick(&[Fault::CutToNode, Fault::CutBoth]), patience * rng.between(60, 90) / 100)
             }
             53..56 => (Fault::Framing(500_000), rng.spread(patience, 10 * SECOND)),

@@ -1,6 +1,7 @@
 //! What really happened to one engine: what its pilots commanded, what was on its wire, the power of its ECU, what its turbine
 //! did. Nothing in it comes from the node. All times are in microseconds.
 
+use crate::kind::{Kind, Traits};
 use core::fmt;
 use sim::control::LONGEST;
 pub use sim::control::Switch;
@@ -358,32 +359,6 @@ pub enum Pin {
     Open,
 }
 
-/// Which ECU it is.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Kind {
-    Amt,
-    /// ZK with this protocol version.
-    Zk(u8),
-}
-
-impl Kind {
-    /// AMT has no checksums, error sets without a state, and replies in place of send slots.
-    pub const fn is_amt(self) -> bool {
-        match self {
-            Self::Amt => true,
-            Self::Zk(_) => false,
-        }
-    }
-
-    /// It continues unchanged when the wire to it is cut.
-    pub const fn continues_without_commands(self) -> bool {
-        match self {
-            Self::Amt => false,
-            Self::Zk(version) => version >= 5,
-        }
-    }
-}
-
 /// The node's settings, and the properties of ECU and turbine that the rules use.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Rules {
@@ -675,16 +650,13 @@ impl History {
         starts.map(|pair| pair[1].0).collect()
     }
 
-    pub fn is_amt(&self) -> bool {
-        self.rules.kind.is_amt()
+    pub const fn traits(&self) -> &'static Traits {
+        self.rules.kind.traits()
     }
 
-    /// The version of the ECU at an instant; 0 for AMT.
+    /// The version of the ECU at an instant; 0 where there are none.
     pub fn version(&self, at: u64) -> u8 {
-        let first = match self.rules.kind {
-            Kind::Amt => 0,
-            Kind::Zk(version) => version,
-        };
+        let first = self.rules.kind.version();
         self.versions.iter().take_while(|(from, _)| *from <= at).last().map_or(first, |(_, version)| *version)
     }
 

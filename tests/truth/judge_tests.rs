@@ -12,10 +12,11 @@ mod stops;
 mod valve;
 
 use crate::history::{
-    Cause, Commanded, Demanded, Frame, History, Kind, MS, Mark, PilotCommand, Reset, Rules, SECOND, Sample,
-    Sent, Spans, Switch,
+    Cause, Commanded, Demanded, Frame, History, MS, Mark, PilotCommand, Reset, Rules, SECOND, Sample, Sent,
+    Spans, Switch,
 };
 use crate::judge::{Rule, Verdict, judge, may_have_failed};
+use crate::kind::Kind;
 use sim::turbine::Phase;
 
 const AMT: Kind = Kind::Amt;

@@ -18,6 +18,7 @@ mod frames;
 mod history;
 mod judge;
 mod judge_tests;
+mod kind;
 mod line;
 mod log;
 mod pilots;

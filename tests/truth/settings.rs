@@ -2,11 +2,11 @@
 
 use crate::ecus;
 use crate::history::{Demanded, MS, PilotCommand, Rules, SECOND};
+use crate::kind::Traits;
 use crate::pilots::Rng;
 use embassy_time::Duration;
 use jetlink::command::{Command, Demand};
 use jetlink::config::EngineConfig;
-use jetlink::ecu::EcuConfig;
 use jetlink::engine::config::{Governor, Slew, Supervision};
 use jetlink::limit::{Action, Limit};
 use jetlink::units::{Celsius, Millivolts, Rpm, Throttle};
@@ -63,8 +63,8 @@ impl Setup {
                 let at = Some(Rpm::new((idle * 1.15) as u32));
                 all.limits.low_rpm = Limit { at, action: Action::FailSafe };
             }
-            // The simulated ECUs of AMT report another supply.
-            14 | 15 if self.rules.kind.is_amt() => {}
+            // It would be another supply, or none.
+            14 | 15 if !self.rules.kind.traits().reports_supply => {}
             14 => all.limits.supply_low = Limit { at: Some(Millivolts::new(10_000)), action },
             15 => all.start.supply_min = Some(Millivolts::new(10_000)),
             0..3 => {
@@ -144,15 +144,12 @@ impl Setup {
         supervision.recover_after = supervision.recover_after.min(ms(300));
         supervision.takeover.rpm_band = Rpm::new(10_000);
         supervision.service_time = supervision.service_time.min(ms(10_000));
-        match &mut config.ecu {
-            EcuConfig::Amt(amt) => amt.half_idle = 25,
-            EcuConfig::Zk(zk) => zk.split_switch ^= true,
-        }
+        ecus::config(&self.ecu).other_settings(&mut config.ecu);
         config
     }
 
-    pub fn is_amt(&self) -> bool {
-        self.rules.kind.is_amt()
+    pub const fn traits(&self) -> &'static Traits {
+        self.rules.kind.traits()
     }
 
     pub fn name(&self) -> String {
@@ -237,7 +234,7 @@ fn setup(rng: &mut Rng, port: u8, gap: Duration, spare: Option<u16>, count: usiz
 fn rules(config: &EngineConfig, ecu: &AnyConfig, count: usize) -> Rules {
     let all = &config.supervision;
     let micros = |time: Duration| time.as_micros();
-    let (facts, turbine) = (ecus::config(ecu).facts(&config.ecu), ecu.turbine());
+    let (facts, turbine) = (ecus::config(ecu).facts(config.ecu), ecu.turbine());
     let limit = |action: Action| match action {
         Action::Report => None,
         Action::FailSafe => Some(false),

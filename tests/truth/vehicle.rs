@@ -673,7 +673,7 @@ impl Vehicle {
                 self.command(now, to, USER_1, [2.0, MAGIC, 0.0, 0.0, 0.0, 0.0, 0.0], meaning);
             }
             _ => {
-                let (params, word) = if contexts[engine].history.is_amt() {
+                let (params, word) = if contexts[engine].history.traits().ctf {
                     ([10.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], Word::Ctf)
                 } else {
                     let number = self.rng.pick(&[1, 2, 3, 4, 5, 6, 10, 12, 13]);

@@ -8,7 +8,7 @@ use crate::pilots::Rng;
 
 impl Director {
     pub(super) fn combined(&self, rng: &mut Rng) -> (&'static str, Vec<Step>) {
-        match (rng.below(20), self.is_amt()) {
+        match (rng.below(20), self.traits().replies_only) {
             (0..3, true) => ("the ECU or the flame goes out in a gap", self.out_in_a_gap(rng)),
             (3..5, true) => ("CTF and a reset", self.ctf_and_a_reset(rng)),
             (5..7, true) => ("an order that is given up", self.given_up(rng)),
@@ -110,7 +110,7 @@ impl Director {
     fn cut_and_reset_in_a_silence(&self, rng: &mut Rng) -> Vec<Step> {
         let last = self.rules.standby_after.unwrap_or(10 * SECOND);
         let all = self.to_hold_end() + 1000 * SECOND / u64::from(self.rules.ramp);
-        let cut = match self.is_amt() {
+        let cut = match self.traits().serial_delay {
             true => self.rules.serial_delay + rng.between(300, 2500) * MS,
             false => rng.spread(300 * MS, 6 * SECOND),
         };
@@ -146,7 +146,7 @@ impl Director {
             Step::Wait(rng.between(100, 700) * MS),
             stream(self.main, self.flies()),
         ];
-        let both = if self.is_amt() && rng.percent(50) { gap } else { reset };
+        let both = if self.traits().serial_delay && rng.percent(50) { gap } else { reset };
         let begins = vec![stream(lower, PilotCommand::Standby), Step::Wait(2 * SECOND)];
         [begins, both, vec![Step::Wait(4 * SECOND)]].concat()
     }
@@ -156,7 +156,7 @@ impl Director {
         let last = self.rules.standby_after.unwrap_or(10 * SECOND);
         let runs = rng.between(420, 720) * MS;
         // An AMT engine does not outlive many of them.
-        let most = if self.is_amt() { 8 } else { 24 };
+        let most = if self.traits().serial_delay { 8 } else { 24 };
         let count = ((last + 4 * SECOND) / (runs + 80 * MS)).min(most);
         let resets = (0..count).flat_map(|_| [Step::Reset(Cause::Watchdog, 20 * MS), Step::Wait(runs)]);
         let begins = vec![

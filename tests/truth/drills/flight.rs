@@ -10,7 +10,7 @@ use sim::turbine::EgtSensor;
 
 impl Director {
     pub(super) fn in_flight(&self, rng: &mut Rng) -> (&'static str, Vec<Step>) {
-        let amt = self.is_amt();
+        let traits = self.traits();
         if self.in_a_group && rng.percent(40) {
             // The effect shows at the other engines.
             let length = rng.between(4, 14) * SECOND;
@@ -35,7 +35,7 @@ impl Director {
             42..50 => ("another source", self.another_source(rng)),
             50..56 => ("stray words", self.stray_words(rng)),
             56..62 => ("full throttle", self.full_throttle(rng)),
-            62..74 if amt => ("error sets", self.error_sets(rng)),
+            62..74 if traits.faults_hide_state => ("error sets", self.error_sets(rng)),
             62..65 => (
                 "the ECU is off",
                 vec![fault(Fault::PowerOff, rng.spread(30 * MS, 3 * SECOND)), Step::Wait(4 * SECOND)],
@@ -43,12 +43,12 @@ impl Director {
             65..68 => ("the flame goes out", vec![fault(Fault::FlameOut, MS), Step::Wait(6 * SECOND)]),
             68..74 => ("the stick", self.sticks(rng)),
             74..82 => ("a stop", self.stop(rng)),
-            82..85 if amt => ("CTF", self.ctf(rng)),
+            82..85 if traits.ctf => ("CTF", self.ctf(rng)),
             82..88 => ("odd frames", self.odd_frames(rng)),
             88..92 => ("the transmitter hangs", self.stall(rng)),
             92..95 => ("present", self.present(rng)),
             95..100 => ("standby over a reset", self.standby_over_a_reset(rng)),
-            100 | 101 if self.rules.limit_supply.is_some() && !amt => {
+            100 | 101 if self.rules.limit_supply.is_some() && traits.reports_supply => {
                 let length = rng.spread(SECOND, 8 * SECOND);
                 ("supply low", vec![fault(Fault::LowSupply, length), Step::Wait(length + 5 * SECOND)])
             }
@@ -121,7 +121,7 @@ impl Director {
         let part = length * rng.between(10, 90) / 100;
         let meanwhile = match rng.below(10) {
             // Until after the last stage of loss.
-            0 | 7 if !self.is_amt() => {
+            0 | 7 if !self.traits().replies_only => {
                 let wire = rng.pick(&[Fault::CutToNode, Fault::CutBoth]);
                 let length = all + last + rng.between(6, 10) * SECOND;
                 vec![fault(wire, length), Step::Wait(length)]
@@ -331,7 +331,7 @@ impl Director {
             // Two consecutive ones: an implausible change.
             2 | 3 => return vec![odd(Odd::SlowShaft), odd(Odd::SlowShaft), Step::Wait(8 * SECOND)],
             4 => return vec![odd(Odd::HotExhaust), Step::Wait(5 * SECOND)],
-            5 if !self.is_amt() => {
+            5 if self.traits().versions => {
                 let frames =
                     (0..rng.between(2, 4)).flat_map(|_| [odd(Odd::LaterVersion), Step::Wait(30 * MS)]);
                 return frames.chain([Step::Wait(5 * SECOND)]).collect();
@@ -339,7 +339,7 @@ impl Director {
             _ => {}
         }
         // At most one frame in ten has the state.
-        let apart = self.rules.period * if self.is_amt() { 22 } else { 100 } / 10;
+        let apart = self.rules.period * if self.traits().rounds { 100 } else { 22 } / 10;
         (0..rng.between(1, 6))
             .flat_map(|_| [fault(Fault::OddFrame(Odd::AtRest), MS), Step::Wait(apart)])
             .collect()
@@ -355,7 +355,7 @@ impl Director {
 
     /// Standby, and run again as soon as the engine is out; or a service.
     fn start_while_hot(&self, rng: &mut Rng) -> Vec<Step> {
-        let next = match self.is_amt() || rng.percent(50) {
+        let next = match !self.traits().services || rng.percent(50) {
             true => stream(self.main, IDLE),
             false => once(self.main, PilotCommand::Service(rng.pick(&[1, 2, 3, 4, 5, 12]))),
         };

@@ -3,7 +3,7 @@
 use super::{Condition, Director, IDLE, OPEN_PUMP, Step, beside, fault, once, silent, stream, throttle};
 use crate::acts::Act;
 use crate::faults::Fault;
-use crate::history::{Cause, Demanded, Kind, MS, PilotCommand, SECOND};
+use crate::history::{Cause, Demanded, MS, PilotCommand, SECOND};
 use crate::pilots::Rng;
 
 /// Engines of a node that start together do so at multiples of this time.
@@ -12,19 +12,17 @@ const TOGETHER: u64 = 40 * SECOND;
 impl Director {
     /// Drills with a ready engine, before its start.
     pub(super) fn at_rest(&self, rng: &mut Rng) -> (&'static str, Vec<Step>) {
-        let sends_by_itself = matches!(self.rules.kind, Kind::Zk(5..));
-        match (rng.below(18), self.is_amt()) {
-            (10..13, false) if sends_by_itself => ("the pump, and nothing beside it", self.pump_alone(rng)),
-            (10..14, false) if self.rules.supply_counts => {
-                ("a start with a low supply", self.low_supply(rng))
-            }
+        let sends_by_itself = self.rules.kind.sends_unprompted();
+        match (rng.below(18), self.traits().services) {
+            (10..13, true) if sends_by_itself => ("the pump, and nothing beside it", self.pump_alone(rng)),
+            (10..14, true) if self.rules.supply_counts => ("a start with a low supply", self.low_supply(rng)),
             (10..18, _) => ("a start behind a loss of power", self.start_behind_a_loss_of_power(rng)),
-            (0..4, false) => ("the pump", self.pump(rng)),
-            (4, false) => ("services", self.services(rng)),
-            (5, false) => ("PWM", self.pwm(rng)),
-            (6, false) => ("another ECU", self.another_ecu(rng)),
-            (0..4, true) => ("a start that is refused", self.refused(rng)),
-            (4, true) => ("a start that fails", self.fails(rng)),
+            (0..4, true) => ("the pump", self.pump(rng)),
+            (4, true) => ("services", self.services(rng)),
+            (5, true) => ("PWM", self.pwm(rng)),
+            (6, true) => ("another ECU", self.another_ecu(rng)),
+            (0..4, false) => ("a start that is refused", self.refused(rng)),
+            (4, false) => ("a start that fails", self.fails(rng)),
             (5 | 7, _) => ("a start right behind a gap", self.behind_a_gap(rng)),
             (8, _) => ("a start that is refused", self.refused(rng)),
             _ => ("stop, arm, release", self.stop_and_release(rng)),

@@ -9,6 +9,7 @@ mod play;
 use crate::acts::{Act, Blow};
 use crate::faults::Fault;
 use crate::history::{Cause, Demanded, MS, PilotCommand, Rules, SECOND};
+use crate::kind::Traits;
 use crate::pilots::{Rng, View};
 use sim::turbine::Phase;
 use std::collections::VecDeque;
@@ -121,8 +122,8 @@ impl Director {
         }
     }
 
-    const fn is_amt(&self) -> bool {
-        self.rules.kind.is_amt()
+    const fn traits(&self) -> &'static Traits {
+        self.rules.kind.traits()
     }
 
     const fn age(&self) -> u64 {

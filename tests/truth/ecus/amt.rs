@@ -1,12 +1,13 @@
 //! AMT ECUs in the worlds.
 
 use super::vendor::{Facts, Odd, Seen, WorldConfig, WorldEcu};
-use crate::history::{Kind, PilotCommand, Sent};
+use crate::history::{PilotCommand, Sent};
+use crate::kind::Kind;
 use crate::pilots::Rng;
 use embassy_time::Duration;
 use jetlink::config::EngineConfig;
 use jetlink::ecu::amt::codec::EngineModel;
-use jetlink::ecu::amt::config::Service as AmtService;
+use jetlink::ecu::amt::config::{Config, Service as AmtService};
 use jetlink::ecu::{EcuConfig, Service};
 use jetlink::line::Line;
 use jetlink::units::Throttle;
@@ -35,10 +36,9 @@ pub fn random(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {
     let mut config = EngineConfig::amt("amt", port, line, engine);
     let start_throttle = rng.pick(&[0, 0, 0, 200]);
     let serial_delay = rng.pick(&[2, 4, 4]);
-    if let EcuConfig::Amt(amt) = &mut config.ecu {
-        amt.start_throttle = Throttle::from_tenths(start_throttle).expect("0..=1000");
-        amt.serial_delay = Duration::from_secs(serial_delay);
-    }
+    let amt = node(&mut config.ecu);
+    amt.start_throttle = Throttle::from_tenths(start_throttle).expect("0..=1000");
+    amt.serial_delay = Duration::from_secs(serial_delay);
     let states = [Status::IdleCalibration, Status::StartedUp, Status::Unnamed(30)];
     let in_flight = InFlight {
         shows: rng.pick(&states),
@@ -63,21 +63,6 @@ pub fn random(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {
         ..AmtConfig::new(sim::amt::EngineModel::Olympus).on(sim::line::Line::n1(line.baud))
     };
     (config, AnyConfig::Amt(ecu))
-}
-
-/// An ECU whose faults clear, and which in some worlds waits longer for a reply than the node assumes.
-pub fn for_drills(rng: &mut Rng, engine: &mut EngineConfig, ecu: &mut AmtConfig) {
-    ecu.temper.trips_clear_after = Some(rng.spread(500, 10_000) * 1_000_000);
-    // Such a state is more frequent, and lasts longer: it occurs after an order that was given up.
-    if let Some(in_flight) = &mut ecu.temper.in_flight {
-        in_flight.every = 12_000_000_000;
-    }
-    if let EcuConfig::Amt(amt) = &mut engine.ecu
-        && rng.percent(40)
-    {
-        amt.serial_delay = Duration::from_millis(2000);
-        ecu.serial_delay = rng.pick(&[5, 20]) * 1_000_000_000;
-    }
 }
 
 impl WorldEcu for AmtEcu {
@@ -107,11 +92,34 @@ impl WorldEcu for AmtEcu {
     }
 }
 
+/// The node's settings for it.
+fn node(engine: &mut EcuConfig) -> &mut Config {
+    match engine {
+        EcuConfig::Amt(amt) => amt,
+        other => unreachable!("the ECU is of the kind that is configured, {other:?}"),
+    }
+}
+
 impl WorldConfig for AmtConfig {
-    fn facts(&self, engine: &EcuConfig) -> Facts {
-        let EcuConfig::Amt(engine) = engine else {
-            unreachable!("the ECU is of the kind that is configured")
-        };
+    /// Its faults clear, and in some worlds it waits longer for a reply than the node assumes.
+    fn for_drills(&mut self, rng: &mut Rng, engine: &mut EcuConfig) {
+        self.temper.trips_clear_after = Some(rng.spread(500, 10_000) * 1_000_000);
+        // Such a state is more frequent, and lasts longer: it occurs after an order that was given up.
+        if let Some(in_flight) = &mut self.temper.in_flight {
+            in_flight.every = 12_000_000_000;
+        }
+        if rng.percent(40) {
+            node(engine).serial_delay = Duration::from_millis(2000);
+            self.serial_delay = rng.pick(&[5, 20]) * 1_000_000_000;
+        }
+    }
+
+    fn other_settings(&self, engine: &mut EcuConfig) {
+        node(engine).half_idle = 25;
+    }
+
+    fn facts(&self, mut engine: EcuConfig) -> Facts {
+        let engine = node(&mut engine);
         Facts {
             kind: Kind::Amt,
             period: self.period,

@@ -5,7 +5,8 @@ pub mod amt;
 mod vendor;
 pub mod zk;
 
-use crate::history::{Kind, PilotCommand, Sent};
+use crate::history::{PilotCommand, Sent};
+use crate::kind::Kind;
 use crate::pilots::Rng;
 use jetlink::config::EngineConfig;
 use jetlink::ecu::Service;
@@ -18,20 +19,23 @@ pub fn random(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {
     if rng.percent(45) { amt::random(rng, port) } else { zk::random(rng, port) }
 }
 
-/// Makes an engine start and cool quickly, and an AMT ECU wait longer than the node assumes.
+/// Makes an engine start and cool quickly, with an ECU for the drills.
 pub fn quicken(rng: &mut Rng, engine: &mut EngineConfig, ecu: &mut AnyConfig) {
     let turbine = ecu.turbine_mut();
-    (turbine.ignition_s, turbine.preheat_s, turbine.ramp_s, turbine.learn_s) = (1.5, 2.0, 5.0, 1.5);
+    *turbine = turbine.starting_in(10.0);
     turbine.cooling_s = rng.pick(&[8.0, 8.0, turbine.cooling_s]);
-    match ecu {
-        AnyConfig::Amt(config) => amt::for_drills(rng, engine, config),
-        AnyConfig::Zk(config) => zk::for_drills(rng, config),
-    }
+    config_mut(ecu).for_drills(rng, &mut engine.ecu);
 }
 
 macro_rules! ecus {
     ($($(#[$doc:meta])* $name:ident $module:ident($config:ty, $ecu:ty, $command:ty);)+) => {
         pub fn config(config: &AnyConfig) -> &dyn WorldConfig {
+            match config {
+                $(AnyConfig::$name(config) => config,)+
+            }
+        }
+
+        fn config_mut(config: &mut AnyConfig) -> &mut dyn WorldConfig {
             match config {
                 $(AnyConfig::$name(config) => config,)+
             }

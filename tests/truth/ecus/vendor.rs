@@ -1,7 +1,8 @@
 //! What the worlds need from a protocol. Each protocol has a file beside this one, which implements it for the simulated
 //! ECU and its configuration.
 
-use crate::history::{Kind, PilotCommand};
+use crate::history::PilotCommand;
+use crate::kind::Kind;
 use crate::pilots::Rng;
 use jetlink::ecu::{EcuConfig, Service};
 use sim::any::AnyEcu;
@@ -74,8 +75,14 @@ pub struct Facts {
 
 /// The configuration of an ECU of a world.
 pub trait WorldConfig {
+    /// Makes what the drills need more frequent; `engine`: the node's configuration for it.
+    fn for_drills(&mut self, rng: &mut Rng, engine: &mut EcuConfig);
+
+    /// Changes a setting of the node that no rule depends on.
+    fn other_settings(&self, engine: &mut EcuConfig);
+
     /// `engine`: the node's configuration for it.
-    fn facts(&self, engine: &EcuConfig) -> Facts;
+    fn facts(&self, engine: EcuConfig) -> Facts;
 
     /// Whether it holds an rpm itself.
     fn holds_rpm(&self) -> bool;

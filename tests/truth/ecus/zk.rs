@@ -1,16 +1,18 @@
 //! ZK ECUs in the worlds.
 
 use super::vendor::{Facts, Odd, Seen, WorldConfig, WorldEcu};
-use crate::history::{Kind, PilotCommand, Sent};
+use crate::history::{PilotCommand, Sent};
+use crate::kind::Kind;
 use crate::pilots::Rng;
 use jetlink::config::EngineConfig;
 use jetlink::ecu::zk::codec::{Action, Rate};
-use jetlink::ecu::zk::config::Service as ZkService;
+use jetlink::ecu::zk::config::{Config, Service as ZkService};
 use jetlink::ecu::{EcuConfig, Service};
 use jetlink::line::Line;
 use sim::any::{AnyConfig, AnyEcu};
 use sim::control::{Command, Frame};
 use sim::turbine::Switch;
+use sim::vendor::VendorConfig as _;
 use sim::zk::{ControlledBy, Pwm, ZkCommand, ZkConfig, ZkEcu, ZkTemper};
 
 /// The supply of an ECU, and one below every limit, V.
@@ -41,9 +43,7 @@ pub fn random(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {
     let two = baud > 2400 && rng.percent(20);
     let line = if two { Line::with_two_stop_bits(baud) } else { Line::new(baud) };
     let mut config = EngineConfig::zk("zk", port, line, rate);
-    if let EcuConfig::Zk(zk) = &mut config.ecu {
-        zk.split_switch = rng.percent(30);
-    }
+    node(&mut config.ecu).split_switch = rng.percent(30);
     let version = rng.pick(&[1, 2, 3, 3, 4, 4, 5, 5, 5, 6]);
     let temper = ZkTemper {
         wants_standby_first: rng.percent(30),
@@ -68,11 +68,6 @@ pub fn random(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {
         ..ZkConfig::new(version).on(sim::line_of!(line))
     };
     (config, AnyConfig::Zk(ecu))
-}
-
-/// It may report standby while its pump is open.
-pub fn for_drills(rng: &mut Rng, ecu: &mut ZkConfig) {
-    ecu.temper.standby_while_pump_is_open = rng.percent(50);
 }
 
 impl WorldEcu for ZkEcu {
@@ -121,8 +116,25 @@ impl WorldEcu for ZkEcu {
     }
 }
 
+/// The node's settings for it.
+fn node(engine: &mut EcuConfig) -> &mut Config {
+    match engine {
+        EcuConfig::Zk(zk) => zk,
+        other => unreachable!("the ECU is of the kind that is configured, {other:?}"),
+    }
+}
+
 impl WorldConfig for ZkConfig {
-    fn facts(&self, _engine: &EcuConfig) -> Facts {
+    /// It may report standby while its pump is open.
+    fn for_drills(&mut self, rng: &mut Rng, _: &mut EcuConfig) {
+        self.temper.standby_while_pump_is_open = rng.percent(50);
+    }
+
+    fn other_settings(&self, engine: &mut EcuConfig) {
+        node(engine).split_switch ^= true;
+    }
+
+    fn facts(&self, _: EcuConfig) -> Facts {
         Facts {
             kind: Kind::Zk(self.version),
             period: self.rate.period(),
@@ -142,8 +154,7 @@ impl WorldConfig for ZkConfig {
     }
 
     fn another(&self, version: u8) -> Option<AnyEcu> {
-        let fresh = Self::new(version);
-        Some(AnyConfig::Zk(Self { version, ids: fresh.ids, ..self.clone() }).ecu())
+        Some(AnyConfig::Zk(self.clone().with_version(version)).ecu())
     }
 
     fn service(&self, command: PilotCommand) -> Option<Service> {

@@ -1,7 +1,8 @@
 //! What the rules share: their names, what they found, and what each derives from a history.
 
 use super::control::CommandLog;
-use crate::history::{Demanded, History, Kind, MS, Mark, SECOND, Spans};
+use crate::history::{Demanded, History, MS, Mark, SECOND, Spans};
+use crate::kind::Traits;
 use std::collections::BTreeMap;
 
 /// What must hold.
@@ -198,7 +199,7 @@ impl<'a> Case<'a> {
         let blind = h.unpowered.longer(h.rules.boot).union(&h.mute).union(&boots);
         let (down, faults) = (h.down(), h.times(|sample| sample.fault));
         // In error sets an AMT ECU reports no state.
-        let dumb = if h.rules.kind.is_amt() { faults.clone() } else { Spans::default() };
+        let dumb = if h.traits().faults_hide_state { faults.clone() } else { Spans::default() };
         // A node that restarts needs two reports; in a loop of resets it may never get them.
         let learns = down.longer(two_states(h));
         let silent = blind.union(&h.noise).union(&learns).union(&dumb);
@@ -222,8 +223,8 @@ impl<'a> Case<'a> {
         }
     }
 
-    pub const fn is_amt(&self) -> bool {
-        self.h.rules.kind.is_amt()
+    pub const fn traits(&self) -> &'static Traits {
+        self.h.traits()
     }
 
     /// A silence of the ECU that a node must detect: three expected frames, the slot after them, and what is being
@@ -241,7 +242,7 @@ impl<'a> Case<'a> {
         let rules = &self.h.rules;
         // AMT sends a set without a state now and then. A frame was decided a slot before it began.
         let reports = 1 + rules.stale;
-        if self.is_amt() {
+        if !self.traits().rounds {
             (reports + 1) * rules.period + 150 * MS
         } else {
             reports * self.h.rounds().1 * rules.period + 2 * rules.period + 150 * MS
@@ -252,7 +253,7 @@ impl<'a> Case<'a> {
     /// a gap.
     pub fn starts_of_life(&self) -> Vec<u64> {
         // AMT reports it at each power-up; on ZK an outage that is shorter than a gap cannot be detected.
-        let powered = self.h.unpowered.iter().filter(|_| self.is_amt()).map(|(_, to)| to);
+        let powered = self.h.unpowered.iter().filter(|_| self.traits().reports_power_up).map(|(_, to)| to);
         let mut all: Vec<u64> = powered.collect();
         all.extend(self.blind.at_least(self.gap()).iter().map(|(_, to)| to));
         all.sort_unstable();
@@ -277,9 +278,10 @@ impl<'a> Case<'a> {
 pub fn two_states(h: &History) -> u64 {
     let rules = &h.rules;
     let reports = 2 + rules.stale;
-    match rules.kind {
-        Kind::Amt => (reports + 2) * rules.period + 300 * MS,
-        Kind::Zk(_) => reports * h.rounds().1 * rules.period + 400 * MS,
+    if h.traits().rounds {
+        reports * h.rounds().1 * rules.period + 400 * MS
+    } else {
+        (reports + 2) * rules.period + 300 * MS
     }
 }
 

@@ -22,7 +22,7 @@ impl CommandLog {
         let mut commands: [Vec<(u64, PilotCommand)>; 4] = Default::default();
         // A speed that the ECU cannot hold, because another ECU was plugged in, is refused: to the node its source is silent.
         let refused = |commanded: &Commanded| {
-            let slow = !h.rules.kind.is_amt() && h.version(commanded.at) < 4 && !h.rules.governor;
+            let slow = h.traits().versions && h.version(commanded.at) < 4 && !h.rules.governor;
             slow && matches!(commanded.command, PilotCommand::Run(Demanded::Rpm(_)))
         };
         for commanded in h.commanded.iter().filter(|commanded| !refused(commanded)) {

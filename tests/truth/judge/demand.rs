@@ -78,7 +78,8 @@ impl Case<'_> {
     /// given up, and without a reset.
     fn doubted(&self, when: u64, at: u64) -> bool {
         let h = self.h;
-        let most = if self.is_amt() { h.rules.serial_delay.saturating_sub(500 * MS) } else { u64::MAX };
+        let most =
+            if self.traits().serial_delay { h.rules.serial_delay.saturating_sub(500 * MS) } else { u64::MAX };
         let gap = self.blind.iter().any(|(from, to)| {
             to > when && to <= at && (self.gap()..most).contains(&(to - from)) && at - when < most
         });
@@ -152,7 +153,8 @@ impl Case<'_> {
             // a governor begins with the throttle that the ECU reports then.
             let forged = h.forged[..h.forged.partition_point(|forged| *forged <= at)].last();
             let sets = if self.holds_rpm(at) { 2 } else { 1 };
-            let late = self.is_amt() && forged.is_some_and(|forged| at < forged + sets * rules.period);
+            let late =
+                self.traits().replies_only && forged.is_some_and(|forged| at < forged + sets * rules.period);
             if late && before.is_some_and(|(.., low)| share < low) {
                 continue;
             }

@@ -2,7 +2,7 @@
 //! may be sent.
 
 use super::case::{Case, Rule, seconds};
-use crate::history::{Demanded, Frame, Kind, MS, PilotCommand, SECOND, Sent, Spans, Switch};
+use crate::history::{Demanded, Frame, MS, PilotCommand, SECOND, Sent, Spans, Switch};
 
 /// Time for which damaged frames count as frames.
 const DAMAGED_MAX: u64 = 10 * SECOND;
@@ -18,16 +18,14 @@ impl Case<'_> {
         let gaps = gaps.map(|(from, to)| (from + self.gap(), to));
         let damaged = h.ruined.iter().filter(|(from, to)| to - from > DAMAGED_MAX + self.gap());
         let damaged = damaged.map(|(from, to)| (from + DAMAGED_MAX + self.gap(), to));
-        // On ZK two reports of the state have to arrive, and each round has one.
-        let confirms = match h.rules.kind {
-            Kind::Amt => 0,
-            Kind::Zk(_) => ((h.rounds().0 - 1) * h.rules.period).saturating_sub(20 * MS),
-        };
+        // Two reports of the state have to arrive. On ZK each round has one.
+        let round = ((h.rounds().0 - 1) * h.rules.period).saturating_sub(20 * MS);
+        let confirms = if self.traits().rounds { round } else { 0 };
         let given_up = |from_us: u64, to_us: u64| {
             let waits = h.rules.serial_delay + 3 * h.rules.period + 300 * MS;
             let noticed = to_us - from_us - self.down.within(from_us, to_us);
             // The order is gone: two sets have to be consistent before the next reply.
-            if self.is_amt() && noticed > waits { h.rules.period - 20 * MS } else { 0 }
+            if self.traits().serial_delay && noticed > waits { h.rules.period - 20 * MS } else { 0 }
         };
         let gaps = gaps.map(|(from, to)| (from, to + given_up(from.saturating_sub(self.gap()), to)));
         let spans: Vec<_> = gaps.chain(damaged).map(|(from, to)| (from, to + confirms)).collect();
@@ -70,7 +68,7 @@ impl Case<'_> {
     /// arrived.
     fn slow_shaft(&mut self) {
         let h = self.h;
-        if self.is_amt() {
+        if !self.traits().rounds {
             return;
         }
         let period = h.rules.period;

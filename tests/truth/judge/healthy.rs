@@ -17,12 +17,13 @@ impl Case<'_> {
         // A node that is up repeatedly for less than it takes to find out counts as down.
         let down = self.down.longer(4 * h.rules.period + 100 * MS);
         // After a reset an AMT engine is in doubt, and damaged sets are not replied to.
-        let silent = if self.is_amt() { down.union(&h.noise).union(&h.mute) } else { down.clone() };
+        let silent =
+            if self.traits().replies_only { down.union(&h.noise).union(&h.mute) } else { down.clone() };
         // A cut may begin while the node is down.
         let silent = silent.union(&h.deaf);
         // A cut also costs up to a set before it, the one in which it ends, and an AMT set without a state after it, which is not
         // answered after a gap.
-        let costs = if self.is_amt() { 3 * h.rules.period + 50 * MS } else { 300 * MS };
+        let costs = if self.traits().replies_only { 3 * h.rules.period + 50 * MS } else { 300 * MS };
         // The wire to the ECU costs no more than a set at either end.
         let cut = h.mute.union(&h.deaf).at_least(patience.saturating_sub(300 * MS));
         let cut = cut.union(&h.mute.at_least(patience.saturating_sub(costs))).longer(SETTLES);
@@ -31,15 +32,19 @@ impl Case<'_> {
         let gap = Spans::from(&silent).longer(SETTLES);
         // Damage towards the ECU for longer than it waits counts as a cut. Damage towards the node costs a ZK ECU nothing, and
         // an AMT ECU its replies where no set can be distinguished from garbage.
-        let damage = if self.is_amt() { h.noise_to_ecu.union(&h.garbled) } else { h.noise_to_ecu.clone() };
+        let damage = if self.traits().replies_only {
+            h.noise_to_ecu.union(&h.garbled)
+        } else {
+            h.noise_to_ecu.clone()
+        };
         let damage = damage.at_least(patience.saturating_sub(costs)).longer(SETTLES);
-        let zk = !self.is_amt();
+        let versions = self.traits().versions;
         // Which ECU it is at that time.
         let of = |spans: Spans, version: core::ops::Range<u8>| {
             let chosen = spans.iter().filter(|(from, _)| version.contains(&h.version(*from)));
             Spans::from(&chosen.collect::<Vec<_>>())
         };
-        let mut all = match zk {
+        let mut all = match versions {
             false => vec![
                 ("AMT, a wire cut", cut),
                 ("AMT, a gap beyond the serial delay", gap),
@@ -51,7 +56,7 @@ impl Case<'_> {
                 ("ZK up to 4, damage beyond the loss time", of(damage, 1..5)),
             ],
         };
-        if zk && h.rules.gives_up_on_empty {
+        if versions && h.rules.gives_up_on_empty {
             // This ECU does not tolerate what is prescribed in doubt.
             let doubt =
                 self.blind.union(&h.noise).union(&h.deaf).union(&self.down).longer(2 * self.two_states());
@@ -171,7 +176,7 @@ impl Case<'_> {
     /// come.
     fn sent_after(&self, at: u64) -> u64 {
         let slot = at.saturating_sub(self.h.rules.period);
-        if !self.is_amt() {
+        if !self.traits().replies_only {
             return slot;
         }
         let hidden = self.blind.union(&self.h.noise);
@@ -331,7 +336,7 @@ impl Case<'_> {
             return true;
         }
         // With faults and a broken thermocouple, nothing shows whether an AMT engine runs.
-        let unreadable = self.is_amt()
+        let unreadable = self.traits().faults_hide_state
             && h.sensor.touches(at.saturating_sub(SECOND), at)
             && self.faults.touches(at.saturating_sub(SECOND), at);
         // After a reset or a gap, an AMT engine is in doubt until a set reports that it runs, which no error set
@@ -339,8 +344,8 @@ impl Case<'_> {
         let ups = h.resets.iter().map(|reset| reset.up);
         let gaps = self.blind.iter().filter(|(from, to)| to - from > rules.period).map(|(_, to)| to);
         let last_up = ups.chain(gaps).filter(|up| *up <= at).max();
-        let no_state =
-            self.is_amt() && last_up.is_some_and(|up| self.faults.within(up, at) + 200 * MS >= at - up);
+        let no_state = self.traits().faults_hide_state
+            && last_up.is_some_and(|up| self.faults.within(up, at) + 200 * MS >= at - up);
         let hidden =
             unreadable || no_state || self.blind.union(&h.noise).union(&self.down).touches(silent_since, at);
         let last_stage = match (rules.standby_after, hidden) {
@@ -395,7 +400,8 @@ impl Case<'_> {
                 (power.is_some_and(|reset| faults(reset.up)), "AMT, error sets and nothing retained"),
                 (brown_out.is_some_and(|reset| unreadable(reset.up)), "AMT, error sets without an exhaust"),
             ];
-            let unknown = unknown.into_iter().find(|(unknown, _)| self.is_amt() && *unknown);
+            let unknown =
+                unknown.into_iter().find(|(unknown, _)| self.traits().faults_hide_state && *unknown);
             // An engine that was handed over stops when its PWM input is lost, which is not the node's doing.
             let handed_over = h.pwm.contains(at.saturating_sub(h.rules.period));
             if mark == Mark::GivenUp
@@ -510,8 +516,11 @@ impl Case<'_> {
         let hidden = self.blind.union(&h.noise).longer(self.two_states() + SECOND);
         // With error sets only, an AMT engine whose exhaust temperature falls may be in any state: its demand
         // is not raised.
-        let dumb =
-            if self.is_amt() { self.faults.longer(self.two_states() + SECOND) } else { Spans::default() };
+        let dumb = if self.traits().faults_hide_state {
+            self.faults.longer(self.two_states() + SECOND)
+        } else {
+            Spans::default()
+        };
         let hidden = hidden.union(&dumb);
         let hidden = hidden.union(&self.down.longer(rules.listen + self.two_states() + SECOND));
         // After the transmitter has hung, the demand rises from its previous value.

@@ -3,9 +3,7 @@
 
 use super::case::{Case, Rule, is_above_fail_safe, seconds, two_states};
 use super::control::{CommandLog, silences};
-use crate::history::{
-    Cause, Commanded, Demanded, History, Kind, MS, PilotCommand, SECOND, Sample, Spans, Switch,
-};
+use crate::history::{Cause, Commanded, Demanded, History, MS, PilotCommand, SECOND, Sample, Spans, Switch};
 use sim::turbine::Phase;
 
 /// Excess over a limit from which a value is reported as beyond it: °C, rpm.
@@ -50,16 +48,16 @@ impl Case<'_> {
             self.limit(standby, "the exhaust", |sample| sample.egt > egt + BEYOND);
         }
         if let Some((rpm, standby)) = rules.limit_rpm {
-            // An AMT ECU with a fault reports no speed.
-            let amt = self.is_amt();
-            let reported = move |sample: &Sample| !amt || !sample.fault;
+            // With a fault the speed may not be reported.
+            let hides = self.traits().faults_hide_state;
+            let reported = move |sample: &Sample| !hides || !sample.fault;
             self.limit(standby, "the shaft speed", |sample| {
                 sample.rpm > rpm + BEYOND_RPM && reported(sample)
             });
         }
         if let Some((rpm, standby)) = rules.limit_low_rpm {
-            let amt = self.is_amt();
-            let reported = move |sample: &Sample| !sample.hidden && (!amt || !sample.fault);
+            let hides = self.traits().faults_hide_state;
+            let reported = move |sample: &Sample| !sample.hidden && (!hides || !sample.fault);
             self.limit(standby, "the shaft speed, which is low,", |sample| {
                 sample.rpm < rpm - BEYOND_RPM && reported(sample)
             });
@@ -92,10 +90,11 @@ impl Case<'_> {
     /// Time in which two values arrive that are both from it.
     fn two_values(&self) -> u64 {
         let rules = &self.h.rules;
-        match rules.kind {
+        if self.traits().rounds {
+            2 * self.h.rounds().1 * rules.period + 200 * MS
+        } else {
             // A set without values arrives now and then.
-            Kind::Amt => 4 * rules.period + 50 * MS,
-            Kind::Zk(_) => 2 * self.h.rounds().1 * rules.period + 200 * MS,
+            4 * rules.period + 50 * MS
         }
     }
 
@@ -146,7 +145,7 @@ impl Case<'_> {
         let unanswered = self.blind.union(&h.garbled);
         let gone = unanswered.iter().find(|(from, to)| *to > at && to - from > long);
         let until = ended.map_or(out, |ended| ended.at).min(lost.map_or(out, |lost| lost.down));
-        let until = until.min(gone.filter(|_| self.is_amt()).map_or(out, |(from, _)| from));
+        let until = until.min(gone.filter(|_| self.traits().serial_delay).map_or(out, |(from, _)| from));
         if until <= at {
             return passed;
         }
@@ -181,7 +180,7 @@ impl Case<'_> {
                 continue;
             };
             // An AMT ECU that reports faults reports no speed.
-            let faults = self.is_amt() && self.faults.touches(since, at);
+            let faults = self.traits().faults_hide_state && self.faults.touches(since, at);
             // Slower ones change by less than the limit, where a set without a speed lies between.
             let fast = h.sample(jump).is_some_and(|sample| sample.rpm > JUMPS && !sample.hidden);
             if !fast || !self.known_to_run(jump) || faults || at >= out || hidden.touches(since, at + 1) {
@@ -440,7 +439,7 @@ pub fn failed_for_sure(other: &crate::history::History) -> Spans {
             events.push((out, out + FAILED, other.end));
         }
         let faults = other.times(|sample| sample.fault);
-        let faults = if other.is_amt() { faults } else { Spans::default() };
+        let faults = if other.traits().faults_hide_state { faults } else { Spans::default() };
         let clear = |at: u64| {
             let since = at.saturating_sub(5 * SECOND);
             from < since && at < out && !other.noise.union(&dark).touches(since, at + FAILED)

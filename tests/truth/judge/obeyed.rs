@@ -23,14 +23,14 @@ impl Case<'_> {
         // How the ECU is given its switch has to be found out again.
         let cut = cut.union(&self.down.longer(2 * self.two_states()));
         // An AMT ECU gets replies only, and a node that restarts has to find out what is on its line.
-        let cut = if self.is_amt() { cut.union(&h.mute).union(&h.noise) } else { cut };
+        let cut = if self.traits().replies_only { cut.union(&h.mute).union(&h.noise) } else { cut };
         cut.longer(h.rules.listen + SECOND)
     }
 
     /// The same for an emergency stop, which is sent in every possible way.
     fn unreachable_for_stops(&self) -> Spans {
         let h = self.h;
-        if self.is_amt() {
+        if self.traits().replies_only {
             return self.unreachable();
         }
         let cut = h.deaf.union(&h.noise_to_ecu).union(&h.unpowered.longer(h.rules.boot));
@@ -217,7 +217,7 @@ impl Case<'_> {
                 matches!(commanded.command, PilotCommand::Service(_) | PilotCommand::Pwm | PilotCommand::Ctf)
             });
             // An AMT ECU has no state for cooling: the shaft has to be at rest.
-            let most = if self.is_amt() { 200.0 } else { 10_000.0 };
+            let most = if self.traits().reports_stages { 10_000.0 } else { 200.0 };
             let still = h.samples(at.saturating_sub(SECOND), at).iter().all(|sample| sample.rpm < most);
             if !(settled && clear && quiet && armed && fresh && cold && still)
                 || services

@@ -18,8 +18,11 @@ const CLOSE: core::ops::Range<u32> = 15..40;
 
 impl Case<'_> {
     pub(super) fn prompt(&mut self) {
-        if self.is_amt() {
+        let traits = self.traits();
+        if traits.ctf {
             self.ctf_is_sent();
+        }
+        if traits.replies_only {
             self.replies_in_time();
             self.rises_when_confirmed();
         } else {
@@ -172,7 +175,7 @@ impl Case<'_> {
             _ => None,
         };
         // Error sets have no speed.
-        let faults = if self.is_amt() { self.faults.clone() } else { Spans::default() };
+        let faults = if self.traits().faults_hide_state { self.faults.clone() } else { Spans::default() };
         let mut old = 0;
         let mut found = Vec::new();
         for (from, to) in faults.iter() {

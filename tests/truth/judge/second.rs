@@ -2,7 +2,7 @@
 //! run.
 
 use super::case::{Case, Rule, seconds};
-use crate::history::{Cause, Kind, MS, Mark, SECOND, Sample, Spans, Switch};
+use crate::history::{Cause, MS, Mark, SECOND, Sample, Spans, Switch};
 use sim::turbine::Phase;
 
 /// An instant from which a burning engine is in another life than that of its order, and the time by which a node knows it, if
@@ -46,16 +46,12 @@ impl Case<'_> {
     /// The ECU reports that the engine starts, so that it can be in no other state.
     fn is_starting(&self, sample: &Sample) -> bool {
         let starts = matches!(sample.phase, Phase::Ignition | Phase::Preheat | Phase::FuelRamp);
-        starts && !sample.fault && (!self.is_amt() || self.turns_slowly(sample))
+        starts && !sample.fault && (self.traits().reports_stages || self.turns_slowly(sample))
     }
 
-    /// Below half of idle, which for AMT is a setting of 10 000 rpm in 36 000.
+    /// As slowly as in a start.
     fn turns_slowly(&self, sample: &Sample) -> bool {
-        let part = match self.h.rules.kind {
-            Kind::Amt => 0.25,
-            Kind::Zk(_) => 0.45,
-        };
-        sample.rpm < part * self.h.rules.idle_rpm
+        sample.rpm < self.traits().slow * self.h.rules.idle_rpm
     }
 
     /// Time by which two reports have arrived of a state that holds from an instant on, if it still holds then; `None` if it does
@@ -91,8 +87,8 @@ impl Case<'_> {
             let reported = later.iter().filter(|(from, to)| from >= lit && to <= at).any(|(from, to)| {
                 let hidden = [&self.blind, &h.noise, &self.down];
                 // All AMT starts are one state until the engine has started up.
-                let ran =
-                    !self.is_amt() || h.samples(from, to).iter().all(|sample| sample.phase == Phase::Running);
+                let ran = self.traits().reports_stages
+                    || h.samples(from, to).iter().all(|sample| sample.phase == Phase::Running);
                 ran && hidden.iter().all(|spans| !spans.touches(from, to))
             });
             // From when its shaft speed is that of a start.
@@ -143,7 +139,7 @@ impl Case<'_> {
     /// Two error sets in a start that has not reached running.
     fn faults_in_starts(&self, starts: &[u64]) -> Vec<End> {
         let h = self.h;
-        let faults = if self.is_amt() { self.faults.clone() } else { Spans::default() };
+        let faults = if self.traits().faults_hide_state { self.faults.clone() } else { Spans::default() };
         let end = |(from, to): (u64, u64)| {
             let start = *starts.iter().rev().find(|start| **start <= from)?;
             let known = from + 3 * h.rules.period + 50 * MS;

@@ -188,14 +188,15 @@ impl Case<'_> {
                 h.marks.iter().any(|(when, mark)| *mark == Mark::Relight && (ran..at).contains(when))
             };
             let since = from.max(ran);
-            if self.is_amt() && ran >= from || !self.is_amt() && ran >= from && !relit(frame.at) {
+            if ran >= from && (!self.traits().reports_stages || !relit(frame.at)) {
                 continue;
             }
             // Twice the reported duration, between 5 s and 600 s.
-            let own = if self.is_amt() || longest == 0 { 0 } else { 2 * longest + 2 * SECOND };
+            let own =
+                if !self.traits().reports_start_time || longest == 0 { 0 } else { 2 * longest + 2 * SECOND };
             let most = h.rules.start_timeout.max(own).max(if own > 0 { 5 * SECOND } else { 0 });
             let late = since + most + 2 * SECOND;
-            let hidden = if self.is_amt() { &self.down } else { &hidden };
+            let hidden = if self.traits().replies_only { &self.down } else { &hidden };
             if frame.at > late && !hidden.touches(since, frame.at) {
                 let text =
                     format!("run, and the start at {} has not come to a running engine", seconds(since));

@@ -156,7 +156,7 @@ impl Case<'_> {
     fn standby_in_doubt(&mut self, from_us: u64, to_us: u64) {
         let h = self.h;
         let rules = &h.rules;
-        if self.is_amt() || h.pwm.touches(from_us.saturating_sub(60 * SECOND), to_us) {
+        if self.traits().replies_only || h.pwm.touches(from_us.saturating_sub(60 * SECOND), to_us) {
             return;
         }
         let age = rules.ages.into_iter().max().unwrap_or_default();

@@ -2,7 +2,7 @@
 
 use super::case::{Case, Rule, seconds};
 use super::fuel::{CLOSE_PUMP, OPEN_PUMP};
-use crate::history::{Cause, Frame, Kind, MS, Mark, PilotCommand, SECOND, Sample, Sent, Spans, Switch};
+use crate::history::{Cause, Frame, MS, Mark, PilotCommand, SECOND, Sample, Sent, Spans, Switch};
 use sim::turbine::Phase;
 use std::collections::BTreeMap;
 
@@ -106,10 +106,7 @@ impl Case<'_> {
     fn start_time(&self) -> u64 {
         let rules = &self.h.rules;
         // A ZK ECU reports the duration of its last start; twice that counts, within 5 s to 600 s.
-        let own = match rules.kind {
-            Kind::Amt => 0,
-            Kind::Zk(_) => 120 * SECOND,
-        };
+        let own = if self.traits().reports_start_time { 120 * SECOND } else { 0 };
         rules.start_timeout.max(own) + rules.start_wait + 2 * SECOND
     }
 
@@ -122,7 +119,7 @@ impl Case<'_> {
         let stable = h.rules.link_stable.saturating_sub(300 * MS);
         // An outage that has only just begun cannot be detected yet. An AMT ECU reports that it was powered
         // up.
-        let shows = |to: u64| if self.is_amt() { to + h.rules.boot } else { u64::MAX };
+        let shows = |to: u64| if self.traits().reports_power_up { to + h.rules.boot } else { u64::MAX };
         let outage = |(from, to): (u64, u64)| {
             to > at.saturating_sub(stable) && at >= (from + self.gap()).min(shows(to))
         };
@@ -144,10 +141,10 @@ impl Case<'_> {
         if coolest > h.rules.egt_max + 6.0 && coolest < f64::MAX {
             return Some(format!("the exhaust has {coolest:.0} °C"));
         }
-        let at_rest = |phase| match self.is_amt() {
-            // It has no report for cooling.
-            true => matches!(phase, Phase::Stopped | Phase::Standby | Phase::Cooling),
-            false => phase == Phase::Standby,
+        let at_rest = |phase| match self.traits().reports_stages {
+            // Cooling is reported as rest.
+            false => matches!(phase, Phase::Stopped | Phase::Standby | Phase::Cooling),
+            true => phase == Phase::Standby,
         };
         if !last(1000 * MS).is_empty() && !last(1000 * MS).iter().any(|sample| at_rest(sample.phase)) {
             return Some("the engine is not in standby".into());
@@ -285,7 +282,9 @@ impl Case<'_> {
             let unseen = h.unpowered.last_before(at).filter(|(from, to)| {
                 let start = starts.iter().rev().find(|start| start.at <= *from).map_or(0, |start| start.at);
                 let shows = if *from < self.reported_by(start, *from) { self.start_time() } else { SECOND };
-                at < to + h.rules.boot + shows && to + h.rules.boot - from < self.gap() && !self.is_amt()
+                at < to + h.rules.boot + shows
+                    && to + h.rules.boot - from < self.gap()
+                    && !self.traits().reports_power_up
             });
             if let Some((from, to)) = unseen {
                 self.verdict.exempt("outage of the ECU that is shorter than a gap", to + h.rules.boot - from);
@@ -300,7 +299,7 @@ impl Case<'_> {
                 let silent = sent + 2 * h.rules.period + 50 * MS >= *from && unanswered;
                 // With error sets the order continues until the exhaust shows that the engine is out.
                 let faulted = self.faults.contains(sent) && self.live.longer(4 * SECOND).contains(sent);
-                self.is_amt()
+                self.traits().replies_only
                     && silent
                     && at < sent + h.rules.gives_up_after + SECOND
                     && (self.live.contains(sent) || faulted)
@@ -359,7 +358,7 @@ impl Case<'_> {
                 // The ECU acts on what was sent before the fault cleared, also for a moment after that. It
                 // reports the fault a moment after the flame went out.
                 let before = h.samples(out + 60 * MS, sent.saturating_sub(h.rules.period + 50 * MS));
-                self.is_amt()
+                self.traits().faults_hide_state
                     && burnt
                     && !since.is_empty()
                     && since.iter().any(|sample| sample.fault)
@@ -394,7 +393,8 @@ impl Case<'_> {
             let mut is_exempt = |name| exempt.entry(name).or_default().push(at, at + h.rules.period);
             // AMT sets have no checksum: a set that no ECU sent, and that reports running, gets a reply.
             let forged = h.forged[..h.forged.partition_point(|forged| *forged <= at)].last();
-            if self.is_amt() && forged.is_some_and(|forged| at <= forged + h.rules.period + 50 * MS) {
+            if !self.traits().checksum && forged.is_some_and(|forged| at <= forged + h.rules.period + 50 * MS)
+            {
                 is_exempt("the reply to an AMT set that no ECU sent");
                 continue;
             }
@@ -420,7 +420,7 @@ impl Case<'_> {
                         && anew.is_none_or(|anew| anew < reported + self.gap())
                         && !gaps.touches(start.at, at.saturating_sub(self.gap()).max(start.at))
                         // An AMT ECU reports it in each set: only noise can hide it.
-                        && (!self.is_amt() || h.noise.touches(start.at, reported))
+                        && (self.traits().rounds || h.noise.touches(start.at, reported))
                         && self.not_by(start, at).is_none()
                 });
                 if unreported {
@@ -430,7 +430,7 @@ impl Case<'_> {
                 // With error sets in a start, nothing shows that it failed if the exhaust temperature is not used: the
                 // start timeout applies.
                 let failed_start = latest(&starts, at).any(|start| {
-                    self.is_amt()
+                    self.traits().faults_hide_state
                         && went_out.is_some_and(|out| {
                             out >= start.at
                                 && !self.runs.touches(start.at, at)
@@ -448,7 +448,7 @@ impl Case<'_> {
                 let powered = h.unpowered.last_before(at).map(|(_, powered)| powered);
                 let announced = powered.is_some_and(|powered| {
                     let set_up = powered + h.rules.boot;
-                    self.is_amt()
+                    self.traits().reports_power_up
                         && went_out.is_some_and(|out| out <= powered)
                         && at > set_up
                         && !not_received.touches(powered, set_up + 200 * MS)
@@ -462,7 +462,11 @@ impl Case<'_> {
                     let down = self.down.within(out, at);
                     let fault = h.samples(out, at).iter().any(|sample| sample.fault);
                     // With faults in place of a state, the exhaust has to be cold, or to be cooling.
-                    let hot = if self.is_amt() && fault { self.put_out_by_exhaust(out, at) - out } else { 0 };
+                    let hot = if self.traits().faults_hide_state && fault {
+                        self.put_out_by_exhaust(out, at) - out
+                    } else {
+                        0
+                    };
                     let report = out + self.one_state();
                     let name = match () {
                         () if at <= report => "the report of an engine that went out is on its way",
@@ -473,7 +477,7 @@ impl Case<'_> {
                 });
                 // With error sets only the exhaust shows it.
                 let by_exhaust = |out| {
-                    self.is_amt()
+                    self.traits().faults_hide_state
                         && h.samples(out, at).iter().all(|sample| sample.fault || sample.phase.is_live())
                 };
                 let seen = seen
@@ -490,7 +494,7 @@ impl Case<'_> {
                     // By the setting: 20 in the raw unit in which idle is 60 to 74.
                     let turns = h.sample(at).is_some_and(|sample| sample.rpm > h.rules.idle_rpm / 4.0);
                     h.rules.stale > 0
-                        && self.is_amt()
+                        && self.traits().reports_power_up
                         && at < anew + reports
                         && turns
                         && powered.is_some_and(is_hidden)

@@ -78,7 +78,7 @@ impl Case<'_> {
         let latches = self.latches();
         self.stopped = Spans::from(&latches);
         // A frame that was being sent, and ZK's next slot; an AMT reply that was handed over.
-        let late = if self.is_amt() { 40 * MS } else { 2 * period + 20 * MS };
+        let late = if self.traits().replies_only { 40 * MS } else { 2 * period + 20 * MS };
         self.verdict.count("stops", latches.len() as u64);
         for (from, to) in latches {
             let first = h.frames.partition_point(|frame| frame.at < from);
@@ -102,7 +102,7 @@ impl Case<'_> {
                 !self.down.longer(700 * MS).touches(from, at_once) && !self.stalled().touches(from, at_once);
             // One that is latched already is in every slot.
             let free = free && before != Some(Switch::Stop);
-            if !self.is_amt() && free && at_once < to && first_stop > at_once {
+            if !self.traits().replies_only && free && at_once < to && first_stop > at_once {
                 let text = format!(
                     "stopped at {}, and the first stop is on the wire at {}",
                     seconds(from),
@@ -133,7 +133,8 @@ impl Case<'_> {
             }
             // There is one in every slot: ZK unprompted, AMT in reply to each set that can be received.
             let deaf = self.down.longer(700 * MS).union(&h.noise.longer(300 * MS)).union(&self.stalled());
-            let deaf = if self.is_amt() { deaf.union(&self.blind.longer(300 * MS)) } else { deaf };
+            let deaf =
+                if self.traits().replies_only { deaf.union(&self.blind.longer(300 * MS)) } else { deaf };
             let most = 3 * period + 30 * MS;
             let mut before = from;
             for at in frames().filter(|frame| is_stop(frame)).map(|frame| frame.at).chain([to]) {
@@ -154,7 +155,7 @@ impl Case<'_> {
     /// Run by ID 6, rpm and services only where the ECU's version is known and allows them.
     pub(super) fn versions(&mut self) {
         let h = self.h;
-        if h.rules.kind.is_amt() {
+        if !h.traits().versions {
             return;
         }
         let mut reported = 0;
