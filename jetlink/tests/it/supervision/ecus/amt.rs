@@ -30,6 +30,7 @@ impl WorldEcu for AmtEcu {
             // Its document has no state for cooling: only the stopped shaft shows standby.
             standby: !turbine.live && self.turbine().rpm() < 1000.0,
             faulty: self.errors() != 0,
+            hides_state: self.errors() != 0,
             // Bit 3: it reports its sensor as faulty. 300 °C is the default, and one step of EGT is 4.6 °C.
             reports_cold: self.errors() & 1 << 3 == 0 && turbine.egt <= 310.0,
             obeyed: last.map_or(0, |command| u16::from(command.throttle_half_percent) * 5),

@@ -188,7 +188,7 @@ impl Oracle {
         }
         let behind = if disturbed || at < self.odd_at + BEHIND_FAULTY { BEHIND_FAULTY } else { BEHIND };
         let dead = self.ran && !self.truth.live && at > self.live_at.max(self.opened) + behind;
-        if dead && !(self.amt && self.truth.faulty) && !self.truth.odd {
+        if dead && !self.truth.hides_state && !self.truth.odd {
             return Err("(8) run, and the engine has stopped in this run".into());
         }
         // Error sets carry no state: the exhaust is the evidence.
@@ -245,8 +245,8 @@ impl Oracle {
     /// After a reset.
     pub(super) fn continues(&mut self, at: u64) -> Result<(), String> {
         self.tally.resumed_runs += 1;
-        // An AMT ECU with a fault does not report the state of its engine: only a hot exhaust and the retained state remain.
-        let burns = self.amt && self.truth.faulty && at < self.warm_at + BEHIND_FAULTY;
+        // Where a fault hides the state of the engine, only a hot exhaust and the retained state remain.
+        let burns = self.truth.hides_state && at < self.warm_at + BEHIND_FAULTY;
         let disturbed = self.truth.odd || at < self.fault_at + BEHIND_FAULTY;
         let alive = self.truth.live || at < self.live_at + BEHIND || disturbed || burns;
         if !alive {

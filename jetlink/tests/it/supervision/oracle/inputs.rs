@@ -63,9 +63,9 @@ impl Oracle {
                     if origin.priority() < by.priority() {
                         return Err(format!("(4) {origin} released the emergency stop of {by}"));
                     }
-                    // An AMT ECU with a fault does not report the state of its engine, and no ECU has right after a
+                    // A fault may hide the state of the engine, and no ECU has reported it right after a
                     // reset; standby is no start.
-                    let unreported = self.amt && self.truth.faulty || at < self.booted + BEHIND;
+                    let unreported = self.truth.hides_state || at < self.booted + BEHIND;
                     let disturbed = self.truth.odd || at < self.fault_at + BEHIND_FAULTY;
                     let stood = !self.truth.live || unreported || disturbed;
                     if !stood && self.live_since.is_some_and(|since| at > since + BEHIND) {
@@ -387,10 +387,9 @@ impl Oracle {
                 "(5) after a reset the ECU stopped a running engine, because the node left it alone".into()
             );
         }
-        // With a fault an AMT ECU reports neither the state of its engine nor what it obeys: without memory there is nothing to
+        // Where a fault hides the state of the engine and what the ECU obeys, without memory there is nothing to
         // continue from, and with it an exhaust that shows no combustion ends the run.
-        let unreported =
-            self.amt && truth.faulty && !self.wire_run && (self.memory_lost || truth.reports_cold);
+        let unreported = truth.hides_state && !self.wire_run && (self.memory_lost || truth.reports_cold);
         if !truth.live || truth.odd || unreported {
             self.guard = false;
         }

@@ -9,7 +9,6 @@ use super::wire::{Frame, Switch, percent};
 use core::fmt;
 use jetlink::command::{Accepted, Command, Demand, Origin, Rejected};
 use jetlink::config::EngineConfig;
-use jetlink::ecu::EcuConfig;
 use jetlink::limit::Action;
 
 /// Two things at the same instant may come in either order.
@@ -94,6 +93,8 @@ pub struct Truth {
     /// It reports standby, as the document defines it.
     pub standby: bool,
     pub faulty: bool,
+    /// With a fault it reports neither the state of its engine nor what it obeys.
+    pub hides_state: bool,
     pub egt: f64,
     /// Its reports differ from what it does, or it has no power.
     pub odd: bool,
@@ -202,7 +203,6 @@ pub struct Tally {
 #[derive(Debug)]
 pub struct Oracle {
     config: EngineConfig,
-    amt: bool,
     /// The ECU governs the rpm itself.
     speed_control: bool,
     idle_rpm: u32,
@@ -317,13 +317,8 @@ const fn slot(origin: Origin) -> usize {
 
 impl Oracle {
     pub fn new(config: EngineConfig, speed_control: bool, idle_rpm: u32, max_rpm: u32) -> Self {
-        let amt = match config.ecu {
-            EcuConfig::Amt(_) => true,
-            EcuConfig::Zk(_) => false,
-        };
         Self {
             config,
-            amt,
             speed_control,
             idle_rpm,
             max_rpm,
