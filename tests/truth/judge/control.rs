@@ -1,6 +1,6 @@
 //! Who commands an engine, as far as the commands alone show it.
 
-use crate::history::{Cause, Commanded, Demanded, History, PilotCommand, Reset, SECOND, Switch};
+use crate::history::{Cause, Commanded, Demanded, Frame, History, MS, PilotCommand, Reset, SECOND, Switch};
 
 /// The commands of each source by which it counts as received, in the order of time.
 #[derive(Clone, Debug)]
@@ -190,7 +190,7 @@ fn armed(h: &History, brown_out_forgets: bool) -> Vec<(u64, bool)> {
                 }
                 all.push((commanded.at, false));
             }
-            PilotCommand::Release if brown_out_forgets || is_released(h, commanded.at) => {
+            PilotCommand::Release if brown_out_forgets || is_released(h, commanded) => {
                 latched = latched.filter(|by| commanded.source > *by);
             }
             _ => {}
@@ -201,10 +201,22 @@ fn armed(h: &History, brown_out_forgets: bool) -> Vec<(u64, bool)> {
     all
 }
 
-/// Whether a release that was commanded then took effect: something other than a stop is on the wire.
-fn is_released(h: &History, at: u64) -> bool {
-    let mut frames = h.frames_within(at + 2 * h.rules.period, at + SECOND).iter();
-    frames.find_map(|frame| frame.sent.switch()).is_some_and(|switch| switch != Switch::Stop)
+/// Whether this release certainly took effect: no stop is on the wire behind it, and none that its source repeats before the first
+/// other order may be the one that did. The first of them may have come while nothing was received of the ECU.
+fn is_released(h: &History, release: &Commanded) -> bool {
+    let switch = |frame: &Frame| Some((frame.at, frame.sent.switch()?));
+    let mut frames =
+        h.frames_within(release.at + stop_is_late(h), release.at + SECOND).iter().filter_map(switch);
+    frames.next().is_some_and(|(at, switch)| {
+        let again = |later: &Commanded| (later.source, later.command) == (release.source, release.command);
+        switch != Switch::Stop && !h.commanded(release.at + 1, at).iter().any(again)
+    })
+}
+
+/// Time for which the wire may still carry what was decided before a stop or its release: a frame that was being sent, and ZK's next
+/// slot; an AMT reply that was handed over.
+pub fn stop_is_late(h: &History) -> u64 {
+    if h.rules.kind.traits().replies_only { 40 * MS } else { 2 * h.rules.period + 20 * MS }
 }
 
 /// When all sources were silent: from the last command to the next, or to the end.

@@ -1,6 +1,7 @@
 //! Emergency stops, commands that the ECU's version knows, and frames that no document defines.
 
 use super::case::{Case, Rule, seconds};
+use super::control::stop_is_late;
 use super::fuel::{CLOSE_PUMP, CLOSING};
 use crate::history::{Cause, Commanded, Frame, MS, PilotCommand, SECOND, Sent, Spans, Switch};
 
@@ -77,8 +78,7 @@ impl Case<'_> {
         let period = h.rules.period;
         let latches = self.latches();
         self.stopped = Spans::from(&latches);
-        // A frame that was being sent, and ZK's next slot; an AMT reply that was handed over.
-        let late = if self.traits().replies_only { 40 * MS } else { 2 * period + 20 * MS };
+        let late = stop_is_late(h);
         self.verdict.count("stops", latches.len() as u64);
         for (from, to) in latches {
             let first = h.frames.partition_point(|frame| frame.at < from);

@@ -112,3 +112,23 @@ fn reset_keeps_the_power_that_was_and_a_loss_of_power_does_not() {
     assert!(reset_at(30, Cause::BrownOut, false, &again, false));
     assert!(!reset_at(30, Cause::BrownOut, false, &again, true));
 }
+
+/// Of releases that are repeated, the first may have come while the ECU was silent: who armed before the last of them is not armed.
+#[test]
+fn an_arming_before_the_release_that_took_effect_powers_no_starter() {
+    let armed_at = |at: f64| {
+        let story = Story::new(AMT).once(PILOT, 1.0, PilotCommand::Stop);
+        let story = story.streams(PILOT, 1.55, 2.0, PilotCommand::Release).once(2, at, PilotCommand::Arm);
+        let story = story.wire(1.0, 1.95, STOP).wire(2.0, 20.0, STANDBY);
+        story
+            .turbine(0.0, 20.0, Phase::Standby, 0.0, 15.0)
+            .with(|h| h.power = vec![(0, Some(false))])
+            .judged()
+            .rules()
+    };
+    // The last stop is on the wire at 1.876 s, the last release comes at 1.95 s.
+    for before in [1.7, 1.92] {
+        assert_eq!(armed_at(before), [], "{before} s");
+    }
+    assert_eq!(armed_at(2.1), [Rule::Power]);
+}
