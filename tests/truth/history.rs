@@ -438,6 +438,16 @@ pub struct Rules {
     pub when_other_fails: Option<u32>,
 }
 
+impl Rules {
+    /// A demand that starts an engine.
+    pub fn is_idle(&self, demanded: Demanded) -> bool {
+        match demanded {
+            Demanded::Throttle(tenths) => tenths <= self.idle_band,
+            Demanded::Rpm(rpm) => f64::from(rpm) <= self.idle_rpm,
+        }
+    }
+}
+
 /// Intervals that belong together, in order and without overlaps.
 #[derive(Clone, PartialEq, Eq, Default, Debug)]
 pub struct Spans(Vec<(u64, u64)>);

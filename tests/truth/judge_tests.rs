@@ -15,7 +15,7 @@ use crate::history::{
     Cause, Commanded, Demanded, Frame, History, MS, Mark, PilotCommand, Reset, Rules, SECOND, Sample, Sent,
     Spans, Switch,
 };
-use crate::judge::{Rule, Verdict, judge, may_have_failed};
+use crate::judge::{Rule, Verdict, busy, judge, may_have_failed};
 use crate::kind::Kind;
 use sim::turbine::Phase;
 

@@ -227,10 +227,8 @@ impl<'a> Case<'a> {
         self.h.traits()
     }
 
-    /// A silence of the ECU that a node must detect: three expected frames, the slot after them, and what is being
-    /// sent.
     pub const fn gap(&self) -> u64 {
-        4 * self.h.rules.period + self.h.rules.period / 2 + 20 * MS
+        gap(self.h)
     }
 
     pub fn two_states(&self) -> u64 {
@@ -261,10 +259,7 @@ impl<'a> Case<'a> {
     }
 
     pub fn is_idle(&self, demanded: Demanded) -> bool {
-        match demanded {
-            Demanded::Throttle(tenths) => tenths <= self.h.rules.idle_band,
-            Demanded::Rpm(rpm) => f64::from(rpm) <= self.h.rules.idle_rpm,
-        }
+        self.h.rules.is_idle(demanded)
     }
 
     /// The times in which nothing leaves the node, because its transmitter hangs.
@@ -272,6 +267,11 @@ impl<'a> Case<'a> {
         let stalled = self.h.deaf.iter().filter(|(_, to)| self.h.stalls.contains(to));
         Spans::from(&stalled.collect::<Vec<_>>())
     }
+}
+
+/// A silence of the ECU that a node must detect: three expected frames, the slot after them, and what is being sent.
+pub const fn gap(h: &History) -> u64 {
+    4 * h.rules.period + h.rules.period / 2 + 20 * MS
 }
 
 /// The longest time in which the engine's state is reported twice.

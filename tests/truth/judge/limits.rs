@@ -1,9 +1,11 @@
 //! Whatever lowers a demand has to do so: limits, another engine that has failed, a source that has yet to take
 //! over.
 
-use super::case::{Case, Rule, is_above_fail_safe, seconds, two_states};
+use super::case::{Case, Rule, gap, is_above_fail_safe, seconds, two_states};
 use super::control::{CommandLog, silences};
-use crate::history::{Cause, Commanded, Demanded, History, MS, PilotCommand, SECOND, Sample, Spans, Switch};
+use crate::history::{
+    Cause, Commanded, Demanded, Frame, History, MS, PilotCommand, SECOND, Sample, Spans, Switch,
+};
 use sim::turbine::Phase;
 
 /// Excess over a limit from which a value is reported as beyond it: °C, rpm.
@@ -393,7 +395,51 @@ pub fn busy(other: &History) -> Spans {
         // Its command came a moment before.
         spans.push((at.saturating_sub(SECOND), free + other.rules.period));
     }
+    for at in unsent_starts(other) {
+        spans.push((at.saturating_sub(SECOND), at + other.rules.start_gap + other.rules.period));
+    }
     Spans::from(&spans)
+}
+
+/// When a start may have been ordered of which no frame was sent: it was ended before the next slot or reply, or the ECU had just fallen
+/// silent, and the gap ended it. The time between two starts counts from the order.
+fn unsent_starts(h: &History) -> Vec<u64> {
+    let slot = h.rules.period + 50 * MS;
+    let silent = h.mute.union(&h.deaf).union(&h.noise).union(&h.unpowered);
+    let undetected = |at: u64| {
+        let last = silent.last_before(at + slot);
+        last.is_some_and(|(from, to)| at < to && at < from + gap(h))
+    };
+    let ended = |at: u64, source: usize| {
+        h.commanded(at, at + slot).iter().any(|end| match end.command {
+            PilotCommand::Stop | PilotCommand::Disarm | PilotCommand::ShutDown => true,
+            PilotCommand::Standby => end.source == source,
+            _ => false,
+        })
+    };
+    let run = |frame: &Frame| frame.sent.switch() == Some(Switch::Run);
+    let mut unsent = Vec::new();
+    for source in 0..4 {
+        // Its own standby, and then its run: it starts the engine, or waits until one of those that follow may.
+        let (mut ready, mut first) = (false, None);
+        for commanded in h.commanded.iter().filter(|commanded| commanded.source == source) {
+            let at = commanded.at;
+            match commanded.command {
+                PilotCommand::Standby => (ready, first) = (true, None),
+                PilotCommand::Run(demanded) if h.rules.is_idle(demanded) => {
+                    first = if core::mem::take(&mut ready) { Some(at) } else { first };
+                    let lost = ended(at, source) || undetected(at);
+                    if let Some(first) = first.filter(|_| lost)
+                        && !h.frames_within(first, at + slot).iter().any(run)
+                    {
+                        unsent.push(at);
+                    }
+                }
+                _ => {}
+            }
+        }
+    }
+    unsent
 }
 
 /// When another engine may count as failed: at rest after it ran, with a fault, not received, or shut down by its node.

@@ -725,3 +725,33 @@ fn a_start_that_waits_goes_when_it_may() {
     // Nobody starts: at once.
     assert!(!granted(story(20.5, 11)) && granted(story(12.1, 11)));
 }
+
+/// 50600090: a start that was ordered and shut down between two AMT sets. The time until another engine's start counts from it.
+#[test]
+fn a_start_of_which_no_frame_was_sent_delays_other_engines() {
+    let run = PilotCommand::Run(Demanded::Throttle(0));
+    let delays = |at: f64, change: &dyn Fn(&mut History)| {
+        let story = Story::new(AMT).once(PILOT, 1.5, PilotCommand::Arm);
+        let story = story.streams(PILOT, 1.0, 12.0, PilotCommand::Standby).streams(PILOT, 12.0, 13.0, run);
+        let Story(mut h) = story.wire(1.0, 30.0, STANDBY);
+        (h.rules.start_gap, h.end) = (10 * SECOND, 30 * SECOND);
+        change(&mut h);
+        h.commanded.sort_by_key(|commanded| commanded.at);
+        busy(&h).contains(micros(at))
+    };
+    let ends = |at: f64, command| {
+        move |h: &mut History| h.commanded.push(Commanded { at: micros(at), source: 0, command })
+    };
+    for command in [PilotCommand::ShutDown, PilotCommand::Disarm, PilotCommand::Stop] {
+        assert!(delays(21.0, &ends(12.5, command)) && !delays(23.0, &ends(12.5, command)), "{command}");
+        // Before its run there was no start, and long after its last one no set came that was not answered.
+        assert!(!delays(21.0, &ends(11.95, command)) && !delays(21.0, &ends(14.0, command)), "{command}");
+    }
+    // The standby of another source ends none that it does not start to command.
+    assert!(!delays(21.0, &ends(12.5, PilotCommand::Standby)));
+    // A gap ends it that began a moment before.
+    let cut = |from: f64| move |h: &mut History| h.mute = Spans::from(&[(micros(from), 20 * SECOND)]);
+    assert!(delays(21.0, &cut(11.9)) && !delays(21.0, &cut(10.0)));
+    // Refused.
+    assert!(!delays(21.0, &|_: &mut History| {}));
+}
