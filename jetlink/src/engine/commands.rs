@@ -483,7 +483,7 @@ impl Engine {
         {
             unmet(Interlock::SupplyLow(supply))?;
         }
-        if let Some((limit, _)) = self.limits.in_force() {
+        if let Some((limit, _)) = self.limits.in_force(&self.config.limits) {
             unmet(Interlock::Limit(limit))?;
         }
         if !others_allow_start {

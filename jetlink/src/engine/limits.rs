@@ -1,8 +1,8 @@
 //! Monitors the limits of an engine in its telemetry.
 //!
 //! A limit is violated when two consecutive values exceed it: AMT frames carry no checksum, and one odd frame must raise
-//! nothing. A violation is reported once, and again only after a value within the limit. Its action holds for as long as
-//! the limit is violated.
+//! nothing. A violation is reported once, and again only after a value within the limit. Its action, as it is set at that time,
+//! holds for as long as the limit is violated.
 
 use super::config::Limits;
 use crate::consecutive::{AGREEING, Consecutive};
@@ -28,30 +28,23 @@ const SAMPLE: Duration = Duration::from_millis(240);
 struct LimitState {
     /// Consecutive values beyond the limit.
     beyond: Consecutive,
-    /// The limit and its action, while it is violated.
-    violation: Option<(LimitKind, Action)>,
+    violated: bool,
 }
 
 impl LimitState {
-    const WITHIN: Self = Self { beyond: Consecutive::NONE, violation: None };
+    const WITHIN: Self = Self { beyond: Consecutive::NONE, violated: false };
 
     /// Takes one value, with the violation that it is if it is beyond the limit. `found` gets the violation once, at the second
     /// consecutive value. Not inlined: every limit calls it.
     #[inline(never)]
-    fn observe(
-        &mut self,
-        beyond: bool,
-        violation: LimitViolation,
-        action: Action,
-        found: &mut dyn FnMut(LimitViolation),
-    ) {
+    fn observe(&mut self, beyond: bool, violation: LimitViolation, found: &mut dyn FnMut(LimitViolation)) {
         if !beyond {
             *self = Self::WITHIN;
             return;
         }
         self.beyond.count(true);
         if self.beyond.is(AGREEING) {
-            self.violation = Some((violation.kind, action));
+            self.violated = true;
             found(violation);
         }
     }
@@ -134,20 +127,20 @@ impl LimitMonitor {
     }
 
     /// The violated limit with the strongest action, if one has an action beyond a report.
-    pub fn in_force(&self) -> Option<(LimitKind, Action)> {
+    pub fn in_force(&self, limits: &Limits) -> Option<(LimitKind, Action)> {
         [
-            &self.over_speed,
-            &self.over_temperature,
-            &self.low_rpm,
-            &self.hot_start,
-            &self.flame_out,
-            &self.supply_low,
-            &self.implausible,
-            &self.fault,
+            (&self.over_speed, LimitKind::OverSpeed, limits.over_speed.action),
+            (&self.over_temperature, LimitKind::OverTemperature, limits.over_temperature.action),
+            (&self.low_rpm, LimitKind::LowRpm, limits.low_rpm.action),
+            (&self.hot_start, LimitKind::HotStart, limits.hot_start.action),
+            (&self.flame_out, LimitKind::FlameOut, limits.flame_out.action),
+            (&self.supply_low, LimitKind::SupplyLow, limits.supply_low.action),
+            (&self.implausible, LimitKind::Implausible, limits.implausible.action),
+            (&self.fault, LimitKind::EcuFault, limits.ecu_fault),
         ]
         .into_iter()
-        .filter_map(|limit| limit.violation)
-        .filter(|(_, action)| *action != Action::Report)
+        .filter(|(limit, _, action)| limit.violated && *action != Action::Report)
+        .map(|(_, kind, action)| (kind, action))
         .max_by_key(|(_, action)| *action)
     }
 
@@ -180,7 +173,9 @@ impl LimitMonitor {
             if let Some(limit) = limits.supply_low.at {
                 let voltage = supply.value;
                 let violation = LimitViolation::new(LimitKind::SupplyLow, voltage.get(), limit.get(), now);
-                self.supply_low.observe(voltage < limit, violation, limits.supply_low.action, found);
+                self.supply_low.observe(voltage < limit, violation, found);
+            } else {
+                self.supply_low = LimitState::WITHIN;
             }
         }
         if let Some(faults) = report.faults.filter(|faults| self.fault_seen != Some(faults.at)) {
@@ -190,11 +185,11 @@ impl LimitMonitor {
             if core::mem::replace(&mut self.fault_before, fault) != fault {
                 self.fault.beyond.reset();
             }
-            let before = self.fault.violation.map(|_| self.fault_reported);
+            let before = self.fault.violated.then_some(self.fault_reported);
             let number = fault.unwrap_or_default();
             let violation = LimitViolation::new(LimitKind::EcuFault, number.into(), 0, now);
             let reported = &mut self.fault_reported;
-            self.fault.observe(fault.is_some(), violation, limits.ecu_fault, &mut |confirmed| {
+            self.fault.observe(fault.is_some(), violation, &mut |confirmed| {
                 *reported = confirmed.value;
                 if before != Some(confirmed.value) {
                     found(confirmed);
@@ -215,21 +210,27 @@ impl LimitMonitor {
     ) {
         let value = rpm.value.get();
         if let Some(limit) = limits.implausible.at {
-            self.check_change(now, rpm, (limit, limits.implausible.action), found);
+            self.check_change(now, rpm, limit, found);
+        } else {
+            self.implausible = LimitState::WITHIN;
         }
 
         // Without a configured limit the ECU's own figures apply.
         let reported_max = report.max_rpm.map(|max| max.value.get() / 100 * 105);
         if let Some(limit) = limits.over_speed.at.map(Rpm::get).or(reported_max) {
             let violation = LimitViolation::new(LimitKind::OverSpeed, value, limit, now);
-            self.over_speed.observe(value > limit, violation, limits.over_speed.action, found);
+            self.over_speed.observe(value > limit, violation, found);
+        } else {
+            self.over_speed = LimitState::WITHIN;
         }
         let reported_idle = report.idle_rpm.map(|idle| idle.value.get() / 100 * 80);
         if let Some(limit) = limits.low_rpm.at.map(Rpm::get).or(reported_idle) {
             // `lowered` is `now` while no run is in force: after standby the ECU may still report a running engine.
             let low = phase == Some(Phase::Running) && lowered < now && value < limit;
             let violation = LimitViolation::new(LimitKind::LowRpm, value, limit, now);
-            self.low_rpm.observe(low, violation, limits.low_rpm.action, found);
+            self.low_rpm.observe(low, violation, found);
+        } else {
+            self.low_rpm = LimitState::WITHIN;
         }
 
         if let Some(limit) = limits.flame_out.at {
@@ -244,7 +245,9 @@ impl LimitMonitor {
             let commanded = now < lowered + SPOOL_DOWN;
             let beyond = phase == Some(Phase::Running) && !commanded && lost >= u32::from(limit);
             let violation = LimitViolation::new(LimitKind::FlameOut, lost, u32::from(limit), now);
-            self.flame_out.observe(beyond, violation, limits.flame_out.action, found);
+            self.flame_out.observe(beyond, violation, found);
+        } else {
+            self.flame_out = LimitState::WITHIN;
         }
     }
 
@@ -253,7 +256,7 @@ impl LimitMonitor {
         &mut self,
         now: Instant,
         rpm: Timed<Rpm>,
-        (limit, action): (u32, Action),
+        limit: u32,
         found: &mut dyn FnMut(LimitViolation),
     ) {
         let change = |before: Timed<Rpm>| {
@@ -269,7 +272,7 @@ impl LimitMonitor {
         };
         let change = change(before);
         let violation = LimitViolation::new(LimitKind::Implausible, change, limit, now);
-        self.implausible.observe(change > limit, violation, action, found);
+        self.implausible.observe(change > limit, violation, found);
         if change <= limit || self.implausible.beyond.reached(AGREEING) {
             self.plausible = Some(rpm);
         }
@@ -291,8 +294,9 @@ impl LimitMonitor {
                 limit: limit.tenths().into(),
                 at: now,
             };
-            let action = limits.over_temperature.action;
-            self.over_temperature.observe(egt.value > limit, violation, action, found);
+            self.over_temperature.observe(egt.value > limit, violation, found);
+        } else {
+            self.over_temperature = LimitState::WITHIN;
         }
         if let Some(limit) = limits.hot_start.at {
             let before = self
@@ -308,7 +312,9 @@ impl LimitMonitor {
             let beyond = phase == Some(Phase::Starting) && rise > i64::from(limit);
             let value = i32::try_from(rise).unwrap_or(i32::MAX);
             let violation = LimitViolation { kind: LimitKind::HotStart, value, limit: limit.into(), at: now };
-            self.hot_start.observe(beyond, violation, limits.hot_start.action, found);
+            self.hot_start.observe(beyond, violation, found);
+        } else {
+            self.hot_start = LimitState::WITHIN;
         }
     }
 

@@ -116,7 +116,7 @@ impl Engine {
     /// Takes the action of a violated limit, also of one that was violated before the engine ran.
     fn apply_limits(&mut self, now: Instant) {
         let Mode::Run(run) = &mut self.mode else { return };
-        match self.limits.in_force() {
+        match self.limits.in_force(&self.config.limits) {
             Some((_, Action::FailSafe)) => run.limited = true,
             Some((_, Action::Standby)) => {
                 let failed = run.life.reached();

@@ -629,3 +629,73 @@ fn one_odd_shaft_speed_after_a_gap_is_not_implausible() {
         assert!(scenario.limits().contains(&LimitKind::Implausible), "{ecu:?}");
     }
 }
+
+/// An engine that runs with an exhaust that is too hot, and then gets this limit.
+fn too_hot_and_then(ecu: Ecu, before: Action, then: Limit<Celsius>) -> Scenario {
+    let limit = Limit { at: Some(Celsius::from_tenths(7000)), action: before };
+    let mut config = ecu.with(|s| s.limits.over_temperature = limit);
+    let mut scenario = Scenario::started_with(ecu, config, percent(50));
+    scenario.fly_us(run(50), Origin::Rc, SECOND);
+    scenario.values.egt_celsius = 750;
+    scenario.fly_us(run(50), Origin::Rc, SECOND);
+    assert_eq!(scenario.limits(), [LimitKind::OverTemperature]);
+    config.supervision.limits.over_temperature = then;
+    let now = at_us(scenario.now_us());
+    scenario.bench.act(|engine, _| engine.configure(now, &config.supervision)).unwrap();
+    scenario
+}
+
+/// A new action applies at once, also to a limit that is violated already.
+#[test]
+fn the_action_of_a_violated_limit_can_be_changed() {
+    let limit = |action| Limit { at: Some(Celsius::from_tenths(7000)), action };
+    for ecu in BOTH {
+        for (action, order) in [
+            (Action::Report, Order::Run(percent(50))),
+            (Action::FailSafe, Order::Run(percent(0))),
+            (Action::Standby, Order::Standby),
+        ] {
+            let mut scenario = too_hot_and_then(ecu, Action::Report, limit(action));
+            scenario.fly_us(run(50), Origin::Rc, 3 * SECOND);
+            assert_eq!(scenario.order(), order, "{ecu:?} {action:?}");
+            assert_eq!(scenario.limits(), [], "{ecu:?} {action:?}: reported once");
+        }
+    }
+}
+
+/// A limit that is switched off while it is violated does not stay violated, and neither does one whose action is only a report
+/// now; the control: with its action it refuses a start.
+#[test]
+fn a_violated_limit_can_be_switched_off() {
+    let low = Millivolts::new(60_000);
+    for ecu in BOTH {
+        for (then, refused) in [
+            (Limit { at: Some(low), action: Action::Standby }, true),
+            (Limit { at: Some(low), action: Action::Report }, false),
+            (Limit { at: None, action: Action::Standby }, false),
+        ] {
+            let mut config =
+                ecu.with(|s| s.limits.supply_low = Limit { at: Some(low), action: Action::Standby });
+            let mut scenario = Scenario::ready(ecu, config);
+            // The board measures the supply where the ECU reports none.
+            let measure = |scenario: &mut Scenario| {
+                scenario.pass_us(COMMAND_PERIOD_US);
+                let now = at_us(scenario.now_us());
+                scenario.bench.act(|engine, _| engine.board_supply(now, Millivolts::new(12_000)));
+            };
+            measure(&mut scenario);
+            measure(&mut scenario);
+            assert_eq!(scenario.limits(), [LimitKind::SupplyLow]);
+            config.supervision.limits.supply_low = then;
+            let now = at_us(scenario.now_us());
+            scenario.bench.act(|engine, _| engine.configure(now, &config.supervision)).unwrap();
+            measure(&mut scenario);
+            let answer = scenario.command(run(0));
+            let expected = match refused {
+                true => Err(Rejected::Start(Interlock::Limit(LimitKind::SupplyLow))),
+                false => Ok(Accepted::InForce),
+            };
+            assert_eq!(answer, expected, "{ecu:?} {then:?}");
+        }
+    }
+}
