@@ -201,6 +201,7 @@ impl Engine {
         origin: Origin,
         others_allow_start: bool,
     ) -> Result<Accepted, Rejected> {
+        let commanded = demand;
         let demand = self.clamp(demand);
         let can = self.can(now, demand);
         match can {
@@ -228,8 +229,9 @@ impl Engine {
                     None => Accepted::Held,
                 });
             }
+            // Of a stick that is up, the clamped demand may be at idle.
             Mode::Standby | Mode::Pwm { .. } => self.try_start(now, origin, others_allow_start, |engine| {
-                engine.interlocks(now, demand, others_allow_start, Err)
+                engine.interlocks(now, commanded, others_allow_start, Err)
             }),
         };
         match result {

@@ -2,17 +2,17 @@
 //! holds a speed.
 
 use embassy_time::Duration;
-use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
+use jetlink::command::{Accepted, Command, Demand, Interlock, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::engine::config::Governor;
 use jetlink::event::LossStage;
 use jetlink::limit::{Action, Limit};
 use jetlink::line::{Line, LineError};
-use jetlink::units::{Celsius, Throttle};
+use jetlink::units::{Celsius, Rpm, Throttle};
 
 use bench::by_hand::at_us;
 
-use crate::support::frames::amt as amt_frames;
+use crate::support::frames::{amt as amt_frames, zk as zk_frames};
 use crate::support::scenario::{
     Ecu, FRAME_PERIOD_US, Reports, SECOND, Scenario, Values, Wire, percent, rpm, run,
 };
@@ -412,5 +412,27 @@ fn an_rpm_that_is_commanded_before_any_speed_is_known_is_no_silence() {
             assert!(!sent.is_empty() && sent.iter().all(|wire| matches!(wire, Wire::Run(_))), "{sent:?}");
             assert_eq!(scenario.telemetry().commanded, Some(rpm(80_000)));
         }
+    }
+}
+
+/// A clamped demand is still the pilot's demand: a stick that is up starts no engine, however low its highest speed is set. The
+/// control: a demand at idle does.
+#[test]
+fn a_start_needs_the_commanded_rpm_at_idle_not_the_clamped_one() {
+    let governor = Governor { max_rpm: Rpm::new(10_000), ..Governor::DEFAULT };
+    let config = Ecu::Zk.with(|s| s.governor = Some(governor));
+    for (commanded, answer) in
+        [(60_000, Err(Rejected::Start(Interlock::NotIdle))), (20_000, Ok(Accepted::InForce))]
+    {
+        let mut scenario = Scenario::nothing_received(Ecu::Zk, config);
+        for _ in 0..2 {
+            // Version 3 has no speed control, and this engine idles at 30 000 rpm.
+            scenario.bench.receive(&zk_frames::status(8, 0, [30, 0, 0]));
+            scenario.bench.receive(&zk_frames::status(6, 0, [160, 0, 3 << 2]));
+        }
+        scenario.reports(Reports::Standby).pass_us(2 * SECOND);
+        scenario.command(Command::Arm).unwrap();
+        scenario.command(Command::Standby).unwrap();
+        assert_eq!(scenario.command(Command::Run(rpm(commanded))), answer, "{commanded}");
     }
 }
