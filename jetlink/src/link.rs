@@ -430,6 +430,11 @@ impl GapDetector {
         }
     }
 
+    /// The same, but the interval does not become shorter.
+    pub fn expect_no_sooner(&mut self, interval: Duration) {
+        self.expect(interval.max(self.gap_after / GAP_FRAMES));
+    }
+
     /// Whether no byte was received for longer than half of the time between two frames: what was begun before is never complete.
     pub fn broke_off(&self, now: Instant) -> bool {
         let longest = self.gap_after / (2 * GAP_FRAMES);

@@ -97,7 +97,7 @@ impl ZkLink {
             Status::Settings { .. } => self.service.confirm(&self.status.report, &mut self.outbox),
             Status::Voltages { .. } => self.pump.confirm(self.status.report.pump),
             Status::Identity { rate, .. } => {
-                self.expect_frames();
+                self.expect_frames(rate);
                 self.rate.compare(now, self.wanted_rate, rate, &mut self.outbox);
             }
             _ => {}
@@ -107,7 +107,8 @@ impl ZkLink {
     /// Changes the rate of the ECU and of the send slots.
     fn want_rate(&mut self, now: Instant, rate: Rate) {
         self.wanted_rate = rate;
-        self.expect_frames();
+        // Until the ECU reports its rate, it may send at any that it was given before.
+        self.gaps.expect_no_sooner(rate.interval());
         self.rate = RateSetting::commanding(now);
     }
 
@@ -120,11 +121,12 @@ impl ZkLink {
         }
     }
 
-    /// Interval between frames: that of the slower of the debounced and the requested rate, because an ECU may answer at
-    /// either (ZK-10, ZK-11).
-    fn expect_frames(&mut self) {
-        let reported = self.debounced.rate().unwrap_or(Rate::Hz20);
-        self.gaps.expect(reported.interval().max(self.wanted_rate.interval()));
+    /// Interval between frames: that of the slowest of the debounced, the last reported and the requested rate, because an ECU may
+    /// answer at either (ZK-10, ZK-11).
+    fn expect_frames(&mut self, reported: Option<Rate>) {
+        let interval = |rate: Option<Rate>| rate.unwrap_or(Rate::Hz20).interval();
+        let reported = interval(reported).max(interval(self.debounced.rate()));
+        self.gaps.expect(reported.max(self.wanted_rate.interval()));
     }
 
     /// The version that two reports agree on, which decides which commands the ECU is sent.

@@ -85,3 +85,24 @@ fn zk_11_a_service_command_changes_the_rate() {
     bench.run_to_us(1_205_000);
     assert_eq!(bench.frames().len(), 100);
 }
+
+/// ZK-11: an ECU that was given another rate sends at the one before until it reports the new one. Until then three missing frames
+/// are those of the slower rate: a rate that changes twice puts no engine in doubt.
+#[test]
+fn zk_11_frames_are_expected_at_the_slower_rate_until_the_ecu_reports_the_new_one() {
+    let config = Config { rate: Rate::Hz100, ..Config::DEFAULT };
+    let mut bench = ecu_with(config, 5, 160);
+    let gap_us = |bench: &mut Bench<ZkLink>, frame: &[u8]| {
+        bench.receive(frame);
+        bench.machine.gap_at().expect("frames are expected").as_micros() - bench.now_us()
+    };
+    let state = zk::state(STATE_STANDBY);
+    assert_eq!(gap_us(&mut bench, &state), 30_000);
+    service(&mut bench, action(Action::Rate20Hz)).unwrap();
+    bench.run_to_us(30_000);
+    service(&mut bench, action(Action::Rate100Hz)).unwrap();
+    assert_eq!(gap_us(&mut bench, &state), 150_000);
+    // One report of the new rate is enough to expect it, and of a slower one as well.
+    assert_eq!(gap_us(&mut bench, &zk::identity(160, 5, 2)), 30_000);
+    assert_eq!(gap_us(&mut bench, &zk::identity(160, 5, 0)), 150_000);
+}
