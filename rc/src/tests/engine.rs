@@ -85,6 +85,52 @@ fn move_from_standby_to_run_starts_only_with_the_stick_at_idle_and_steady() {
     });
 }
 
+/// The switch is at standby, steady and armed, and then it is another channel that is at run.
+#[test]
+fn another_channel_for_the_switch_is_no_move() {
+    for kind in Kind::ALL {
+        begin(kind, async |radio, plug, halves| {
+            let other = kind.settings().hand_over;
+            let settings = EngineSettings { hand_over: 0, ..kind.settings() };
+            life(&Life { radio, plug, memory: None, settings }, halves, async |world| {
+                world.radio.hand_over.set(RUN);
+                world.arm().await;
+                let settings = EngineSettings { switch: other, ..settings };
+                world.pilot.borrow_mut().configure(settings).unwrap();
+                world.pass_s(5.0).await;
+                assert_eq!((world.ignitions(), world.ordered()), (0, None), "{kind:?}");
+                // The control: the same channel does start when it moves.
+                world.radio.hand_over.set(STANDBY);
+                world.pass_s(2.0).await;
+                world.radio.hand_over.set(RUN);
+                world.until("a start", 2, || world.ordered() == Some(0)).await;
+            })
+            .await;
+        });
+    }
+}
+
+/// Before the end of a calibration it is not known where idle is.
+#[test]
+fn move_right_behind_a_calibration_starts_nothing() {
+    for (after, starts) in [(0.05, false), (1.1, true)] {
+        each(async |world| {
+            world.arm().await;
+            world.pass_s(15.0).await;
+            world.pilot.borrow_mut().begin_calibration().unwrap();
+            for stick in [1000, 2000, 1000] {
+                world.radio.stick.set(stick);
+                world.pass_s(2.0).await;
+            }
+            world.pilot.borrow_mut().end_calibration().unwrap();
+            world.pass_s(after).await;
+            world.switch(RUN).await;
+            world.pass_s(2.0).await;
+            assert_eq!(world.ordered(), starts.then_some(0), "{after} s");
+        });
+    }
+}
+
 /// Within 1 s after a gap nothing counts as a move, however steady standby and stick were meanwhile.
 #[test]
 fn move_right_behind_a_gap_starts_nothing() {

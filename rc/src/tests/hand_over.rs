@@ -1,6 +1,7 @@
 //! Radio control hands its engine to the lower source, and takes it back.
 
 use super::world::*;
+use crate::pilot::Outcome;
 use jetlink::command::{Command, Order, Origin};
 use jetlink::engine::state::EngineState;
 
@@ -147,4 +148,28 @@ fn shut_down_counts_beside_a_hand_over_channel_that_has_not_settled() {
             world.until("standby", 2, || world.telemetry().ordered.order == Order::Standby).await;
         }
     });
+}
+
+/// It goes to on right before a gap. After the gap it has to be held like any other position.
+#[test]
+fn hand_over_that_begins_before_a_gap_counts_once_it_has_been_held_after_it() {
+    for kind in [Kind::Sbus, Kind::Crsf] {
+        run(kind, async |world| {
+            world.start().await;
+            let handed_over = || {
+                let outcomes = world.outcomes.borrow();
+                outcomes.iter().any(|(_, o)| matches!(o, Outcome::Commanded(Command::Present, _)))
+            };
+            world.outcomes.borrow_mut().clear();
+            world.radio.hand_over.set(2000);
+            world.pass_s(0.045).await;
+            world.radio.plugged.set(false);
+            world.pass_s(0.4).await;
+            world.radio.plugged.set(true);
+            world.pass_s(0.25).await;
+            assert!(!handed_over(), "{kind:?}");
+            world.pass_s(0.2).await;
+            assert!(handed_over(), "{kind:?}");
+        });
+    }
 }
