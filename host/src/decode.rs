@@ -186,7 +186,7 @@ struct Summary {
     hint: Option<Hint>,
 }
 
-/// It has at most one entry per name: sixteen.
+/// At most sixteen names, so a search in order suffices.
 fn add(counts: &mut Vec<(&'static str, u64)>, name: &'static str, more: u64) {
     match counts.iter_mut().find(|(known, _)| *known == name) {
         Some((_, count)) => *count += more,

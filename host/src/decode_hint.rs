@@ -6,10 +6,10 @@ use crate::telemetry::{Hints, Protocol};
 use sim::control::Command;
 use std::fmt;
 
-/// Bytes that are also decoded by the other protocol: the beginning suffices, and a long input is not decoded twice.
+/// Number of bytes that the other protocols also decode: the beginning of a long input suffices.
 const READS_ALONG: u64 = 1024 * 1024;
 
-/// All decoders that read along.
+/// The other decoders, and the readers of commands.
 #[derive(Debug)]
 pub struct Beside {
     others: Vec<Other>,

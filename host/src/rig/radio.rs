@@ -1,5 +1,6 @@
 //! Radio control of the rig: the decoders and the pilots of `jetlink-rc` with a receiver on a port, or with a simulated
-//! transmitter that the keys and script files move. It commands the engines in place of the pilots.
+//! transmitter that the keys and script files move. It commands the engines in place of
+//! the rig's pilots.
 
 mod choice;
 mod transmitter;
@@ -7,7 +8,7 @@ mod transmitter;
 pub use self::choice::{Choice, RadioError};
 pub use self::transmitter::Transmitter;
 
-use self::transmitter::{Air, Pulses};
+use self::transmitter::{PulseReceiver, SerialReceiver};
 use super::context::{EngineContext, PilotInput};
 use super::engines::MOST_ENGINES;
 use super::node::Node;
@@ -26,12 +27,12 @@ use jetlink_rc::settings::EngineSettings;
 use sim::clock;
 use std::cell::{Cell, RefCell};
 
-/// The receiver of one life of the node, and its engines.
+/// The receiver and its engines, from a start of the node to its next reset.
 pub type Receiver<'a> = RefCell<Service<'a, MOST_ENGINES>>;
 
 /// Source of the frames.
 #[derive(Debug)]
-enum From {
+enum Source {
     Transmitter(Transmitter),
     Port(Link),
 }
@@ -40,32 +41,32 @@ enum From {
 #[derive(Debug)]
 pub struct Radio {
     protocol: Protocol,
-    from: From,
-    /// Settings of each engine, which are parameters: they survive a reset of the node, as a board stores them.
+    source: Source,
+    /// Settings of each engine. They are MAVLink parameters: as on a board, which stores them, they survive a reset of the node.
     settings: Cell<[EngineSettings; MOST_ENGINES]>,
-    /// Reception counters of the earlier lives of the node, and of this one.
+    /// Reception counters until the last reset of the node, and since.
     reception: [Cell<Reception>; 2],
 }
 
-/// Time between two updates of the reception.
+/// Interval of updates of the reception counters.
 const LOOK: Duration = Duration::from_millis(100);
 
 impl Radio {
     /// Opens the port, or creates the transmitter with its stick at idle and its switch at stop.
     pub fn open(choice: &Choice) -> Result<Self, RadioError> {
-        let from = match &choice.address {
-            None => From::Transmitter(Transmitter::new(&choice.settings)),
+        let source = match &choice.address {
+            None => Source::Transmitter(Transmitter::new(&choice.settings)),
             Some(address) => {
                 let is_8e2 = choice.protocol.line().is_some_and(|line| line.is_8e2);
                 let format = if is_8e2 { Format::E2 } else { Format::N1 };
-                From::Port(Link::open(address, format).map_err(RadioError::Open)?)
+                Source::Port(Link::open(address, format).map_err(RadioError::Open)?)
             }
         };
         let settings = Cell::new([choice.settings; MOST_ENGINES]);
-        Ok(Self { protocol: choice.protocol, from, settings, reception: Default::default() })
+        Ok(Self { protocol: choice.protocol, source, settings, reception: Default::default() })
     }
 
-    /// Reception counters so far, to 0.1 s.
+    /// Reception counters of the run, at most 0.1 s old.
     pub fn reception(&self) -> Reception {
         let [earlier, now] = &self.reception;
         earlier.get() + now.get()
@@ -73,9 +74,9 @@ impl Radio {
 
     /// The transmitter, if it is simulated.
     pub const fn transmitter(&self) -> Option<&Transmitter> {
-        match &self.from {
-            From::Transmitter(transmitter) => Some(transmitter),
-            From::Port(_) => None,
+        match &self.source {
+            Source::Transmitter(transmitter) => Some(transmitter),
+            Source::Port(_) => None,
         }
     }
 
@@ -103,7 +104,7 @@ impl Radio {
 
     /// Serves the receiver until the node is reset.
     pub async fn serve(&self, service: &Receiver<'_>, contexts: &[EngineContext<'_>]) {
-        // Neither the network nor the simulated transmitter damages a byte.
+        // The host's ports report no line errors, and the simulated transmitter has none.
         let errors = LineErrors::new();
         let after = |_: Instant, engine: usize, outcome| {
             if let Some(context) = contexts.get(engine) {
@@ -117,25 +118,26 @@ impl Radio {
             }
         };
         let receive = async {
-            match &self.from {
-                From::Transmitter(transmitter) if self.protocol == Protocol::Pwm => {
-                    let mut pulses = Pulses::new(transmitter);
+            match &self.source {
+                Source::Transmitter(transmitter) if self.protocol == Protocol::Pwm => {
+                    let mut pulses = PulseReceiver::new(transmitter);
                     runner::run_pulses(service, async || pulses.next().await, after).await
                 }
-                From::Transmitter(transmitter) => {
-                    runner::run(service, Air::new(transmitter, self.protocol), &errors, after).await
+                Source::Transmitter(transmitter) => {
+                    runner::run(service, SerialReceiver::new(transmitter, self.protocol), &errors, after)
+                        .await
                 }
-                From::Port(link) => runner::run(service, link.rx(), &errors, after).await,
+                Source::Port(link) => runner::run(service, link.rx(), &errors, after).await,
             }
         };
         join(receive, look).await;
     }
 }
 
-/// Notes the commands of radio control, for the audit and the views.
+/// Records the commands of radio control for the audit and the views.
 fn note(context: &EngineContext<'_>, outcome: Outcome) {
     if context.played.get() {
-        // Somebody at the keyboard has taken the engine.
+        // The engine is commanded by key.
         return;
     }
     if let Outcome::Commanded(command, answer) = outcome {

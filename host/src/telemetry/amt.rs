@@ -1,10 +1,10 @@
-//! The telemetry of an AMT ECU. It reports its engine, which gives rpm and voltages their scale:
+//! The telemetry of an AMT ECU. The ECU reports its engine, which determines the scales of rpm and voltages:
 //!
-//! - An alternate set names the engine. An ID has one engine, so an ID without a name is another engine,
-//!   and from there on the engine is not known: no scale is better than a wrong one.
-//! - A set-up set gives the engine by its version, if an engine is printed for that version (AMT-9). For another
-//!   version the set-up set itself gives no engine, since each engine had several and newer ones are to be expected. What
-//!   was known before it (a hint is for just this case) stays.
+//! - An alternate set has the engine's ID. An ID belongs to one engine, so one that the document does not print is another
+//!   engine, and from there on the engine is not known: no scale is better than a wrong one.
+//! - A set-up set has a version. The document prints some versions with their engine (AMT-9); each engine has had
+//!   several, and newer ones are to be expected. So another version changes nothing: what was known before it, from the stream or
+//!   from a hint, still applies.
 
 use super::decoder::Telemetry;
 use crate::json::{Escaped, Record, tenths};
@@ -38,7 +38,7 @@ pub struct Amt {
 }
 
 impl Telemetry for Amt {
-    type Frame = amt::Frame;
+    type Frame = (amt::Frame, amt::Message);
     type Hint = AmtHint;
 
     const HINT_OF_ANOTHER: &'static str = "--engine is only for --protocol amt";
@@ -59,24 +59,25 @@ impl Telemetry for Amt {
         "amt"
     }
 
-    fn len(frame: &Self::Frame) -> usize {
+    fn len((frame, _): &Self::Frame) -> usize {
         frame.raw().len()
     }
 
     fn feed(&mut self, bytes: &[u8]) -> (usize, Option<Self::Frame>) {
         let (taken, frame) = self.decoder.feed(bytes);
-        match frame.as_ref().map(amt::Frame::message) {
-            Some(amt::Message::Alternate { engine_id, .. }) => {
+        let frame = frame.map(|frame| (frame, frame.message()));
+        match frame {
+            Some((_, amt::Message::Alternate { engine_id, .. })) => {
                 self.engine = amt::EngineModel::from_id(engine_id);
             }
-            Some(amt::Message::Setup(setup)) => self.engine = setup.engine().or(self.engine),
+            Some((_, amt::Message::Setup(setup))) => self.engine = setup.engine().or(self.engine),
             _ => {}
         }
         (taken, frame)
     }
 
-    fn text(&self, frame: &Self::Frame) -> String {
-        match frame.message() {
+    fn text(&self, &(_, message): &Self::Frame) -> String {
+        match message {
             amt::Message::Normal { switch, state, rpm, egt, throttle, .. } => {
                 let step = self.engine.and_then(amt::EngineModel::rpm_step);
                 let rpm = step.map_or_else(
@@ -106,8 +107,7 @@ impl Telemetry for Amt {
         }
     }
 
-    fn write(&mut self, end: u64, frame: &Self::Frame, record: &mut Record) -> &'static str {
-        let message = frame.message();
+    fn write(&mut self, end: u64, &(frame, message): &Self::Frame, record: &mut Record) -> &'static str {
         let name = match message {
             amt::Message::Normal { .. } => "normal",
             amt::Message::Error { .. } => "error",
@@ -178,15 +178,15 @@ impl Telemetry for Amt {
     }
 }
 
-/// The document's own formula in the document's own numbers, as 64-bit numbers: one step is not a whole number of any decimal
-/// unit. So [`amt::VoltageScale::millivolts`] rounds, and this prints as many decimals as a 64-bit number needs.
+/// Voltage by the document's formula. One step is not a whole number of any decimal unit: [`amt::VoltageScale::millivolts`] rounds, and
+/// this has the decimals of a 64-bit floating-point number.
 fn amt_volts(raw: u8, scale: Option<amt::VoltageScale>) -> Option<f64> {
     let scale = scale?;
     let full_scale = f64::from(scale.full_scale_mv) / 1000.0;
     Some(f64::from(scale.offset_mv) / 1000.0 + f64::from(raw) * full_scale / 255.0)
 }
 
-/// A text of a set-up set. The codec gives an empty one if it is not ASCII.
+/// A text of a set-up set; `None`: it is not ASCII, and the codec returns an empty one.
 fn sent(text: &str) -> Option<Escaped<'_>> {
     (!text.is_empty()).then_some(Escaped(text))
 }

@@ -3,21 +3,21 @@
 use crate::json::Record;
 use std::fmt::Debug;
 
-/// The telemetry of a protocol: its codec's frames, with names and units. It keeps what the stream has reported about itself.
+/// The telemetry of a protocol: its codec's frames, with names and units. It retains what the ECU has reported about itself.
 pub trait Telemetry {
-    /// A frame of the codec.
+    /// A frame of the codec, and its content.
     type Frame;
 
     /// Settings of `jetlink decode`, until the stream reports them.
     type Hint: clap::Args + Copy + PartialEq + Default + Debug;
 
-    /// The sentence for a hint that is given with another protocol.
+    /// Error message for a hint that is given with another protocol.
     const HINT_OF_ANOTHER: &'static str;
 
-    /// Every frame with the fields of its record, for the help: a line each, indented by four spaces.
+    /// All frames with the fields of their records, for the help: a line each, indented by four spaces.
     const FIELDS: &'static str;
 
-    /// Nothing received yet.
+    /// A decoder that has received nothing yet.
     fn new(hint: Self::Hint) -> Self;
 
     /// The protocol, as the command line names it.
@@ -26,7 +26,7 @@ pub trait Telemetry {
     /// Number of bytes of a frame.
     fn len(frame: &Self::Frame) -> usize;
 
-    /// Takes bytes up to the end of the first frame, as the codecs' decoders do, and learns from it what the ECU reports of itself.
+    /// Takes bytes up to the end of the first frame, as the codecs' decoders do, and retains what the ECU reports about itself in it.
     fn feed(&mut self, bytes: &[u8]) -> (usize, Option<Self::Frame>);
 
     /// A frame in one line, for people.

@@ -15,14 +15,14 @@ macro_rules! decoders {
             $($(#[$doc])* $name,)+
         }
 
-        /// What the command line knows about an ECU until the stream reports it.
+        /// Properties of an ECU from the command line, used until the stream reports them.
         #[derive(clap::Args, Clone, Copy, Default, Debug)]
         pub struct Hints {
             $(#[command(flatten)] $module: <$module::$name as Telemetry>::Hint,)+
         }
 
         impl Hints {
-            /// Checks that there are none of another protocol.
+            /// Checks that none is for another protocol.
             ///
             /// # Errors
             /// A sentence for people.
@@ -51,7 +51,7 @@ macro_rules! decoders {
                 }
             }
 
-            /// The same protocol, as the simulation names it.
+            /// The same protocol in the simulation.
             pub const fn on_wire(self) -> sim::any::Protocol {
                 match self {
                     $(Self::$name => sim::any::Protocol::$name,)+

@@ -27,15 +27,15 @@ pub struct Zk {
 }
 
 impl Zk {
-    /// A value that ECUs report from a version on. While the version is not known the value is given as it came, since its
-    /// scale does not depend on the version.
+    /// A value that ECUs report from a version on. While the version is not known the value is used as received: its scale does not
+    /// depend on the version.
     fn since<T: Copy>(&self, value: zk::Since<T>) -> Option<T> {
         value.unless_older(self.version)
     }
 }
 
 impl Telemetry for Zk {
-    type Frame = zk::StatusFrame;
+    type Frame = (zk::StatusFrame, zk::Status);
     type Hint = ZkHint;
 
     const HINT_OF_ANOTHER: &'static str = "--zk-version is only for --protocol zk";
@@ -62,21 +62,22 @@ impl Telemetry for Zk {
         "zk"
     }
 
-    fn len(frame: &Self::Frame) -> usize {
+    fn len((frame, _): &Self::Frame) -> usize {
         frame.raw().len()
     }
 
     fn feed(&mut self, bytes: &[u8]) -> (usize, Option<Self::Frame>) {
         let (taken, frame) = self.decoder.feed(bytes);
-        if let Some(zk::Status::Identity { version, .. }) = frame.as_ref().map(zk::StatusFrame::status) {
+        let frame = frame.map(|frame| (frame, frame.status()));
+        if let Some((_, zk::Status::Identity { version, .. })) = frame {
             self.version = Some(version);
         }
         (taken, frame)
     }
 
-    fn text(&self, frame: &Self::Frame) -> String {
+    fn text(&self, &(frame, status): &Self::Frame) -> String {
         let rpm = frame.rpm().get();
-        let what = match frame.status() {
+        let what = match status {
             zk::Status::Engine { state, error, egt, switch } => format!(
                 "{}, {}, fault {}, EGT {} °C",
                 switch.name(),
@@ -117,11 +118,11 @@ impl Telemetry for Zk {
         format!("status {}: {rpm} rpm, {what}", frame.id())
     }
 
-    fn write(&mut self, end: u64, frame: &Self::Frame, record: &mut Record) -> &'static str {
+    fn write(&mut self, end: u64, &(frame, status): &Self::Frame, record: &mut Record) -> &'static str {
         let name = zk_name(frame.id());
         record.begin(end, "zk", name, frame.raw());
         record.field("rpm", frame.rpm().get());
-        match frame.status() {
+        match status {
             zk::Status::Engine { state, error, egt, switch } => {
                 record.field("state_code", state.code());
                 record.field("state", state.name());

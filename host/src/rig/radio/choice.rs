@@ -1,40 +1,40 @@
-//! What `--rc` says.
+//! The value of `--rc`.
 
 use super::super::port::{Address, AddressError, OpenError};
 use jetlink_rc::config::Protocol;
 use jetlink_rc::settings::EngineSettings;
 
-/// A receiver and where its frames come from.
+/// A receiver, and the source of its frames.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Choice {
     /// Its protocol.
     pub protocol: Protocol,
-    /// `None`: a transmitter that the keys move.
+    /// `None`: a simulated transmitter, which the keys move.
     pub address: Option<Address>,
     /// Settings of each engine: the defaults with other channels.
     pub settings: EngineSettings,
 }
 
-/// What is wrong with `--rc`.
+/// Error in the value of `--rc`.
 #[derive(Debug)]
 pub enum RadioError {
-    /// No such protocol.
+    /// Unknown receiver.
     Protocol(String),
-    /// No address behind it.
+    /// Invalid address.
     Address(AddressError),
-    /// Nothing can be received there.
+    /// The address can only send.
     SendsOnly,
-    /// Pulses come over no network.
+    /// PWM with an address: pulses are always simulated.
     NoPulses,
-    /// No such channel, or no such function.
+    /// Invalid channel or function.
     Channel(String),
-    /// Channels that exclude each other.
+    /// Two functions on one channel.
     SameChannel,
     /// The port cannot be opened.
     Open(OpenError),
-    /// Frames from outside, and an option for runs that can be played again.
+    /// Frames from outside with an option that needs a repeatable run.
     NotWith(&'static str),
-    /// A script file without an end.
+    /// A script file with radio control, but without an end.
     NoEnd,
 }
 
@@ -65,8 +65,8 @@ impl core::fmt::Display for RadioError {
 impl core::error::Error for RadioError {}
 
 impl Choice {
-    /// Reads `sbus`, `crsf`, `pwm`, `sbus=ADDRESS` or `crsf=ADDRESS`, each with `,throttle=CHANNEL`, `,switch=CHANNEL` and
-    /// `,hand=CHANNEL` behind it.
+    /// Reads `sbus`, `crsf`, `pwm`, `sbus=ADDRESS` or `crsf=ADDRESS`, each optionally followed by
+    /// `,throttle=CHANNEL`, `,switch=CHANNEL` and `,hand=CHANNEL`.
     pub fn parse(text: &str) -> Result<Self, RadioError> {
         let receiver = text.split(',').next().unwrap_or_default();
         let (protocol, address) =

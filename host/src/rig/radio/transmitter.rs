@@ -1,4 +1,4 @@
-//! A simulated transmitter with one stick, one switch and, if it has a channel, a hand-over switch; and the receiver on it.
+//! A simulated transmitter with a stick, a switch and, if a channel is set for it, a hand-over switch; and its receiver.
 
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{ErrorType, Read};
@@ -9,19 +9,20 @@ use sim::receiver::{self, Position};
 use std::cell::Cell;
 use std::convert::Infallible;
 
-/// Time after a return in which a stop has to be held.
-const RETURN: Duration = Duration::from_millis(1500);
+/// Time from which a transmitter that was turned on can stop engines at once: until 1 s after reception returned, `jetlink-rc` requires
+/// that a stop is held.
+const STEADY_AFTER: Duration = Duration::from_millis(1500);
 
 /// The transmitter.
 #[derive(Debug)]
 pub struct Transmitter {
-    /// The stick, in tenths of a percent.
+    /// Position of the stick, 0.1 %.
     pub stick: Cell<u16>,
-    /// The switch.
+    /// Position of the switch.
     pub switch: Cell<Position>,
-    /// The hand-over switch gives the engines to the lower source.
+    /// The hand-over switch is on: radio control leaves the engines to a lower source.
     pub hands_over: Cell<bool>,
-    /// Since when it is on.
+    /// Time at which it was turned on; `None`: it is off.
     on_since: Cell<Option<Instant>>,
     /// Channels of stick, switch and hand-over switch; 0: there is none.
     channels: [u8; 3],
@@ -55,12 +56,12 @@ impl Transmitter {
         self.on_since.get().is_some()
     }
 
-    /// Whether it has been on for long enough that a stop counts at once.
+    /// Whether it has been on long enough for a stop to take effect at once.
     pub fn is_steady(&self) -> bool {
-        self.on_since.get().is_some_and(|since| Instant::now() >= since + RETURN)
+        self.on_since.get().is_some_and(|since| Instant::now() >= since + STEADY_AFTER)
     }
 
-    /// What the receiver sends now; nothing without the transmitter, if the protocol has no flag for that.
+    /// The frame that the receiver sends now; `None` while the transmitter is off, if the protocol has no flag for that.
     fn frame(&self, protocol: Protocol) -> Option<Vec<u8>> {
         let protocol = match protocol {
             Protocol::Sbus => receiver::Protocol::Sbus,
@@ -81,12 +82,12 @@ impl Transmitter {
         if self.hands_over.get() { 2000 } else { 1000 }
     }
 
-    /// Number of its channels.
+    /// Number of channels in use.
     fn count(&self) -> usize {
         if self.has_hand_over() { 3 } else { 2 }
     }
 
-    /// The pulse that the receiver gives now on the channel of the stick (0), of the switch (1) or of the hand-over switch (2).
+    /// The pulse that the receiver outputs now on the channel of the stick (0), of the switch (1) or of the hand-over switch (2).
     fn pulse(&self, place: usize) -> MeasuredPulse {
         let width = match place {
             0 => receiver::throttle_us(self.stick.get()),
@@ -101,21 +102,21 @@ impl Transmitter {
 /// Time between two servo pulses of a channel.
 const PULSES_EVERY: Duration = Duration::from_millis(20);
 
-/// The receiver with servo pulses, as the node's timer measures them: one channel after the other, and none without the transmitter.
+/// A receiver with servo pulses, as the node's timer measures them: one channel after the other, none while the transmitter is off.
 #[derive(Debug)]
-pub struct Pulses<'a> {
+pub struct PulseReceiver<'a> {
     transmitter: &'a Transmitter,
     next: Instant,
     place: usize,
 }
 
-impl<'a> Pulses<'a> {
-    /// From now on.
+impl<'a> PulseReceiver<'a> {
+    /// Starts now.
     pub fn new(transmitter: &'a Transmitter) -> Self {
         Self { transmitter, next: Instant::now(), place: 0 }
     }
 
-    /// The next one.
+    /// Waits for the next pulse.
     pub async fn next(&mut self) -> MeasuredPulse {
         loop {
             let count = self.transmitter.count();
@@ -129,27 +130,27 @@ impl<'a> Pulses<'a> {
     }
 }
 
-/// The receiver, as the node's UART has it: each frame arrives as a whole.
+/// A receiver with a serial protocol, as the node's UART reads it: each frame arrives as a whole.
 #[derive(Debug)]
-pub struct Air<'a> {
+pub struct SerialReceiver<'a> {
     transmitter: &'a Transmitter,
     protocol: Protocol,
     next: Instant,
     bytes: Vec<u8>,
 }
 
-impl<'a> Air<'a> {
-    /// From now on.
+impl<'a> SerialReceiver<'a> {
+    /// Starts now.
     pub fn new(transmitter: &'a Transmitter, protocol: Protocol) -> Self {
         Self { transmitter, protocol, next: Instant::now(), bytes: Vec::new() }
     }
 }
 
-impl ErrorType for Air<'_> {
+impl ErrorType for SerialReceiver<'_> {
     type Error = Infallible;
 }
 
-impl Read for Air<'_> {
+impl Read for SerialReceiver<'_> {
     async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, Infallible> {
         let every = match self.protocol {
             Protocol::Sbus => Duration::from_millis(14),

@@ -6,37 +6,37 @@ use crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 /// What a key does.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Does {
-    /// To the selected engine.
+    /// Acts on the selected engine.
     Wish(Wish),
-    /// To all engines.
+    /// Acts on all engines.
     WishAll(Wish),
     /// Selects the engine with this number, counted from 1.
     Select,
-    /// Selects the one before.
+    /// Selects the previous engine.
     Previous,
-    /// Selects the next one.
+    /// Selects the next engine.
     Next,
-    /// Opens the menu of faults, or closes it.
+    /// Opens or closes the menu of faults.
     Faults,
-    /// Asks whether to release the emergency stop.
+    /// Opens the confirmation of the release of the emergency stop.
     Release,
-    /// Shows why the engine does what it does, or no more.
+    /// Shows or hides the start conditions and limits of the engine.
     Why,
-    /// Shows what is on the wire, or no more.
+    /// Shows or hides the last frames on the wire.
     Wire,
-    /// Shows the keys, page by page, or no more.
+    /// Shows the next page of the keys; after the last one hides them.
     Help,
-    /// Pause, or continue.
+    /// Pauses or continues the run.
     Pause,
-    /// Pause, and 0.1 s more.
+    /// Pauses the run, and lets 0.1 s pass.
     Step,
-    /// The next higher speed.
+    /// Sets the next higher speed.
     Faster,
-    /// The next lower speed.
+    /// Sets the next lower speed.
     Slower,
-    /// The speed that the run chooses.
+    /// Lets the run choose its speed.
     Auto,
-    /// Mouse on or off.
+    /// Turns the mouse on or off.
     Mouse,
     /// Closes what is open.
     Close,
@@ -44,12 +44,12 @@ pub enum Does {
     Quit,
     /// Ends the run as Ctrl-C does.
     Interrupt,
-    /// Gives the terminal back for a while.
+    /// Suspends the program until the shell continues it.
     Suspend,
 }
 
 impl Does {
-    /// Whether it acts on engines, and is nothing that a scenario leaves to a person: the emergency stop and its release.
+    /// Whether it acts on engines, and a scenario does it by script. A scenario leaves the emergency stop and its release to a person.
     pub const fn is_of_script(self) -> bool {
         match self {
             Self::Wish(Wish::Act(Act::Release)) | Self::WishAll(_) | Self::Release => false,
@@ -66,13 +66,13 @@ pub struct Key {
     pub codes: &'static [KeyCode],
     /// With Ctrl.
     pub ctrl: bool,
-    /// As people call it.
+    /// Their name, for people.
     pub name: &'static str,
-    /// What it does.
+    /// Effect.
     pub does: Does,
-    /// The same in words.
+    /// Effect in words.
     pub text: &'static str,
-    /// A word for the last line of the screen, if it is shown there.
+    /// Word for the last line of the screen; empty where it is not shown there.
     pub short: &'static str,
 }
 
@@ -100,7 +100,7 @@ const STOP: Wish = Wish::Act(Act::EmergencyStop);
 const DIGITS: [KeyCode; 8] =
     [Char('1'), Char('2'), Char('3'), Char('4'), Char('5'), Char('6'), Char('7'), Char('8')];
 
-/// Everywhere. Those that are not of a menu come behind those of the menu that is open.
+/// Keys that always act. Those of an open menu take precedence.
 pub const KEYS: [Key; 29] = [
     key(&[Char(' ')], "Space", Does::WishAll(STOP), "emergency stop of all engines", "STOP ALL"),
     key(&[Char('r')], "r", Does::Release, "release the stop (then y)", ""),
@@ -133,7 +133,7 @@ pub const KEYS: [Key; 29] = [
     with_ctrl(&[Char('z')], "Ctrl-Z", Does::Suspend, "suspend; fg continues"),
 ];
 
-/// While the menu of faults is open.
+/// Keys of the menu of faults.
 pub const FAULTS: [Key; 8] = [
     key(&[Char('c')], "c", Does::Wish(Wish::Toggle(Fault::Cut)), "cut both wires, or mend them", ""),
     key(
@@ -157,15 +157,15 @@ pub const FAULTS: [Key; 8] = [
     key(&[Char('s')], "s", Does::Wish(Wish::Toggle(Fault::Silence)), "silence its source, or end that", ""),
 ];
 
-/// While the question is open whether to release the emergency stop.
+/// Key that confirms the release of the emergency stop.
 pub const RELEASE: [Key; 1] = [key(&[Char('y')], "y", act(Act::Release), "release it", "")];
 
-/// What starts an engine again after an emergency stop, and with a transmitter. Each step is a group of keys.
+/// Keys that start an engine after an emergency stop, without and with a transmitter. Each step is a group of keys.
 const RESTART: &[&[Does]] =
     &[&[Does::Release, act(Act::Release)], &[act(Act::Disarm), act(Act::Arm), act(Act::Start)]];
 const RESTART_BY_SWITCH: &[&[Does]] = &[&[act(Act::Standby)], &[act(Act::Start)]];
 
-/// The keys that start an engine again after an emergency stop, one after the other: with a transmitter, or without.
+/// Keys that start an engine after an emergency stop, step by step.
 pub fn restart(transmitter: bool) -> Vec<Vec<&'static Key>> {
     let key = |does: &Does| KEYS.iter().chain(&RELEASE).find(|key| key.does == *does);
     let steps = if transmitter { RESTART_BY_SWITCH } else { RESTART };
@@ -179,7 +179,7 @@ pub fn restart_text(transmitter: bool) -> String {
     format!("start after an emergency stop: {}", steps.join(", then "))
 }
 
-/// What a key does in words, where the keys move a transmitter.
+/// Effect of a key in words, where the keys move a transmitter.
 pub fn by_transmitter(key: &Key) -> &'static str {
     match key.does {
         Does::WishAll(Wish::Act(Act::EmergencyStop)) | Does::Wish(Wish::Act(Act::Disarm)) => {
@@ -199,16 +199,16 @@ pub fn by_transmitter(key: &Key) -> &'static str {
     }
 }
 
-/// What this key does, with these tables open.
+/// Effect of a pressed key. `open`: table of the open menu.
 pub fn does(event: &KeyEvent, open: &[Key]) -> Option<Does> {
     // Windows also sends releases.
     if event.kind != KeyEventKind::Press {
         return None;
     }
     let ctrl = event.modifiers.contains(KeyModifiers::CONTROL);
-    // The emergency stop is one with whatever else is held down.
+    // Space is the emergency stop, whichever modifiers are held.
     let any = event.code == Char(' ');
-    // Letters also act with Caps Lock: no key is a capital.
+    // Letters also act with Caps Lock: the tables have no capital letters.
     let code = match event.code {
         Char(letter) => Char(letter.to_ascii_lowercase()),
         other => other,
