@@ -3,7 +3,7 @@
 //! Not by the crate `crc`, which computes the CRC-8 of ZK frames and is the reference of the test below: its table is 1 KiB instead of
 //! 64 bytes, and no image has that much flash left; without a table it takes four times as many steps, under the lock of an engine.
 
-/// Of the polynomial, in reverse order, for each value of the four bits.
+/// Table of the reflected polynomial, for each value of four bits.
 const TABLE: [u32; 16] = {
     let mut table = [0; 16];
     let mut value = 0;
@@ -20,12 +20,12 @@ const TABLE: [u32; 16] = {
     table
 };
 
-/// A checksum of what was added so far.
+/// A checksum of the bytes added so far.
 #[derive(Clone, Copy, Debug)]
 pub struct Checksum(u32);
 
 impl Checksum {
-    /// Of nothing.
+    /// Checksum of no bytes.
     pub const fn new() -> Self {
         Self(u32::MAX)
     }

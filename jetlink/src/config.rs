@@ -71,7 +71,7 @@ impl EngineConfig {
         Supervision::TABLE_ROWS.into_iter().chain(self.ecu.rows()).flatten()
     }
 
-    /// The first parameter that is the one, in the order of [`EngineConfig::rows`].
+    /// The first parameter for which `is_it` is true, in the order of [`EngineConfig::rows`].
     pub fn find_parameter(&self, is_it: &mut dyn FnMut(&'static Row) -> bool) -> Option<&'static Row> {
         let found = find_parameter(&Supervision::TABLE_ROWS, is_it);
         if found.is_some() { found } else { find_parameter(&self.ecu.rows(), is_it) }
@@ -83,7 +83,7 @@ impl EngineConfig {
         self.supervision.number(name).or_else(of_link)
     }
 
-    /// The value of a parameter, as [`EngineConfig::number`]. A firmware that looks at these alone holds nothing of other settings.
+    /// The value of a parameter, as [`EngineConfig::number`]. An image that uses only parameters does not contain the other settings.
     pub fn parameter(&self, name: &str) -> Option<i32> {
         let of_link = || self.timing.own::<false>(name).or_else(|| self.ecu.number::<false>(name));
         self.supervision.parameter(name).or_else(of_link)
@@ -101,8 +101,8 @@ impl EngineConfig {
         if self.change(name, number) { Ok(()) } else { Err(SettingError::Off(setting)) }
     }
 
-    /// Changes a setting without a look at its range, for a number that its row ([`EngineConfig::rows`]) allows: one that its type
-    /// cannot hold becomes the closest one. False: there is none of this name, or it belongs to something that is off.
+    /// Changes a setting without checking its range, for a number that its row ([`EngineConfig::rows`]) allows. One that its type
+    /// cannot hold becomes the closest one. False: no setting has this name, or it belongs to a function that is off.
     pub fn change(&mut self, name: &str, number: i32) -> bool {
         self.timing.set_own::<true>(name, number)
             || self.ecu.set::<true>(name, number)
@@ -211,7 +211,7 @@ impl ConfigError {
     }
 }
 
-// Whoever prints it holds the texts of the table of settings.
+// An image that prints it contains the texts of the table of settings.
 sentences!(ConfigError {
 } {
     error => "row {} of the table of engines: {}", error.row() + 1, error.message();
@@ -298,7 +298,7 @@ pub const fn check(engines: &[EngineConfig]) {
     }
 }
 
-/// Checks at compile time that no engine sits on a port that the board does not have.
+/// Checks at compile time that no engine uses a port that the board does not have.
 ///
 /// ```
 /// # use jetlink::{config::{check_ports, EngineConfig}, line::Line};
@@ -331,7 +331,7 @@ pub const fn check_ports(engines: &[EngineConfig], ports: usize) {
     }
 }
 
-/// Checks at compile time that no engine sits on a port that something else has.
+/// Checks at compile time that no engine uses a port that something else uses.
 ///
 /// ```
 /// # use jetlink::{config::{check_port_is_free, EngineConfig}, line::Line};

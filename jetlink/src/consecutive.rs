@@ -9,25 +9,25 @@ pub(crate) const AGREEING: u8 = 2;
 pub(crate) struct Consecutive(u8);
 
 impl Consecutive {
-    /// None yet.
+    /// No value yet.
     pub const NONE: Self = Self(0);
 
-    /// Counts a value that agrees; any other begins again at none.
+    /// Counts a value that agrees; any other resets the counter to 0.
     pub const fn count(&mut self, agrees: bool) {
         self.0 = if agrees { self.0.saturating_add(1) } else { 0 };
     }
 
-    /// Counts a value that agrees with the one before it; any other is the first of its own.
+    /// Counts a value that agrees with the previous one; any other resets the counter to 1.
     pub const fn count_with_last(&mut self, agrees: bool) {
         self.0 = if agrees { self.0.saturating_add(1) } else { 1 };
     }
 
-    /// Begins again at none.
+    /// Resets the counter to 0.
     pub const fn reset(&mut self) {
         self.0 = 0;
     }
 
-    /// Whether exactly this many agree: of those that do, once.
+    /// Whether exactly this many agree: true once in a sequence.
     pub const fn is(self, number: u8) -> bool {
         self.0 == number
     }

@@ -62,8 +62,8 @@ impl<const N: usize> Default for NodePlace<N> {
 
 impl<const N: usize> Node<N> {
     /// A node from a table of engines. `retained` is memory that survives a reset, with the kind of the last reset: running
-    /// engines resume after a reset. An engine has the one whose index is its port, so there are as many as the highest port of
-    /// the table and one. `None` is for tests, see [`Channel::new`].
+    /// engines resume after a reset. An engine has the one at the index of its port, so their number must exceed the highest port of
+    /// the table. `None` is for tests, see [`Channel::new`].
     ///
     /// # Errors
     /// [`ConfigError`] with the mistake in the table, which [`crate::config::check`] finds at compile time;

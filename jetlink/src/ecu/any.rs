@@ -28,7 +28,7 @@ macro_rules! any_link {
             pub fn configure(&mut self, now: Instant, config: &EcuConfig, line: Line, timing: Timing) {
                 match (self, config) {
                     $((Self::$name(link), EcuConfig::$name(config)) => config.configure(link, now, line, timing),)+
-                    // Another protocol is refused before.
+                    // `LinkSettings::check` has refused another protocol.
                     _ => {}
                 }
             }

@@ -109,7 +109,7 @@ macro_rules! vendor_types {
                 }
             }
 
-            /// What is wrong about the line.
+            /// The mistake, if it is one about the line.
             pub(crate) fn line(self) -> Option<LineMistake> {
                 match self {
                     $(Self::$name(mistake) => mistake.line(),)+

@@ -14,7 +14,7 @@ pub enum LineMistake {
 
 /// The mistakes in the configuration of a protocol.
 pub trait VendorMistake: Copy {
-    /// What is wrong about the line; `None`: it is something else.
+    /// The mistake, if it is one about the line.
     fn line(self) -> Option<LineMistake>;
 }
 

@@ -136,7 +136,7 @@ pub struct Engine {
     pub(super) clamp_reported: bool,
     /// Time since which the ECU has reported something other than the order.
     pub(super) not_obeyed_since: Option<Instant>,
-    /// That was reported.
+    /// [`Event::NotObeyed`](crate::event::Event::NotObeyed) was published.
     pub(super) not_obeyed: bool,
     pub(super) commands_rejected: u32,
     /// The last refusal of each source, in the order of [`Origin::ALL`].

@@ -1,4 +1,4 @@
-//! Whether the engine of a run is known to live, and the times at which something ends by itself.
+//! Whether the engine of a run is known to live, and the times at which something times out.
 
 use super::data::{Engine, Mode};
 use super::life::{Finding, Life};

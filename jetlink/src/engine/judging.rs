@@ -1,4 +1,4 @@
-//! What one frame says about the life of the engine, and the engine that is found running.
+//! What one frame shows about the life of the engine, and the engine that is found running.
 
 use super::data::{Beginning, Engine, Mode, RESETS_TO_FAIL_SAFE};
 use super::exhaust::Fall;
@@ -13,7 +13,7 @@ use crate::units::Throttle;
 use embassy_time::{Duration, Instant};
 
 impl Engine {
-    /// Judges what one frame says about the life of the engine, before its reply is handed out.
+    /// Judges what one frame shows about the life of the engine, before its reply is handed out.
     pub(super) fn judge(&mut self, now: Instant, observation: Observation) {
         // A gap ends with the first frame behind it.
         if observation == Observation::PowerUp || self.last_gap == Some(Instant::MAX) {

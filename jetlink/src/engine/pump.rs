@@ -41,7 +41,7 @@ impl Engine {
     }
 
     /// Whether the engine is hot or has left standby since a service that moves fuel or heats was permitted. A service in progress is
-    /// not standby either, and an EGT that is not known is none.
+    /// not standby either. An unknown EGT counts as not hot.
     pub(super) fn fuel_is_unsafe(&self, now: Instant) -> bool {
         let phase = self.link.status().report.phase.map(|phase| phase.value);
         let left = matches!(phase, Some(Phase::Cooling | Phase::Starting | Phase::Running));

@@ -262,7 +262,7 @@ impl Shaper {
             }
             return (self.governed.or(shape.throttle).unwrap_or(Throttle::IDLE), old_at);
         }
-        // What is in force is what was sent. Behind a doubt, as without a throttle, the ECU knows best.
+        // The throttle in force is the one that was sent. After a doubt, and after an rpm, it is the one that the ECU reports.
         let from = match shape.sent {
             Demand::Throttle(sent) if !core::mem::take(&mut self.doubted) => sent,
             _ => shape.throttle.unwrap_or(Throttle::IDLE),

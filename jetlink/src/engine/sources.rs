@@ -280,7 +280,7 @@ impl Sources {
         self.source(origin).and_then(|source| source.last_commanded)
     }
 
-    /// Its stream of commands without a gap, named by when it began.
+    /// Its stream of commands without a gap, identified by its begin.
     pub fn stream(&self, origin: Origin) -> Option<Instant> {
         self.source(origin).map(|source| source.since)
     }

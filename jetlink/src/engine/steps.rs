@@ -1,4 +1,4 @@
-//! The steps from one mode to the next. Nothing else changes the mode; what decides is above.
+//! The steps from one mode to the next. Only this file changes the mode; the decisions are made in the files that call it.
 
 use super::data::{Beginning, Engine, Mode, RESETS_TO_FAIL_SAFE};
 use super::life::{Finding, Life};

@@ -435,7 +435,7 @@ impl Setup {
 
     /// The engine, identified by the version's first number.
     pub fn engine(&self) -> Option<EngineModel> {
-        // Of bytes: text, split and parsed, is 0.6 kB of an image.
+        // Parsed as bytes: splitting and parsing text takes 0.6 kB of an image.
         let version = self.text.get(..self.version_len())?;
         let end = version.iter().position(|byte| *byte == b'.').filter(|_| version.is_ascii())?;
         let number = version.iter().take(end).try_fold(0_u8, |number, byte| {

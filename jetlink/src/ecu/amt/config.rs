@@ -32,7 +32,7 @@ impl Config {
     /// baud.
     pub const TIMING: Timing = Timing { up_after: 2, lost_after: Duration::from_secs(1) };
 
-    /// The engine: 0 is not known.
+    /// Number of the engine, 0 if it is not known.
     pub(crate) const fn identity(self) -> u8 {
         match self.engine {
             Some(engine) => engine as u8 + 1,
@@ -40,12 +40,12 @@ impl Config {
         }
     }
 
-    /// What it alone has in the wiring.
+    /// Its own parts of the wiring.
     pub(crate) const fn wired(self) -> [u8; 1] {
         [self.identity()]
     }
 
-    /// Takes it from the wiring.
+    /// Sets them from the wiring.
     pub(crate) fn wire(&mut self, [engine]: [u8; 1]) {
         let place = usize::from(engine).checked_sub(1);
         self.engine = place.and_then(|place| EngineModel::ALL.get(place)).copied();

@@ -1,6 +1,6 @@
 //! The conversation with an AMT ECU: one reply to every frame, within its window, and nothing else.
 //!
-//! An ECU without replies stops its turbine by itself after a time set in it (AMT-12). So jetlink sends no keep-alive,
+//! An ECU that gets no replies stops its turbine after a time set in it (AMT-12). So jetlink sends no keep-alive,
 //! and a reply always carries the order in force when it is handed out. Where nothing may be sent that could start an
 //! engine ([`Order::Listen`], [`Order::Doubt`]), the reply is withheld.
 //!
@@ -307,7 +307,7 @@ impl Link for AmtLink {
 
     fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
         if self.gaps.broke_off(now) {
-            // The rest of another set would complete this one, with the state of before.
+            // Bytes of another set would complete this one, which has an old state.
             self.decoder.byte_lost();
         }
         let (taken, frame) = self.decoder.feed(bytes);

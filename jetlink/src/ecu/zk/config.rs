@@ -23,17 +23,17 @@ impl Config {
     /// Defaults of the link's timing: up after one frame, because it carries a CRC; lost after 0.5 s, ten frames at 20 Hz.
     pub const TIMING: Timing = Timing { up_after: 1, lost_after: Duration::from_millis(500) };
 
-    /// All engines are alike to it.
+    /// The settings do not name an engine.
     pub(crate) const fn identity(self) -> u8 {
         0
     }
 
-    /// What it alone has in the wiring.
+    /// Its own parts of the wiring.
     pub(crate) const fn wired(self) -> [u8; 1] {
         [self.rate.hz() as u8]
     }
 
-    /// Takes it from the wiring.
+    /// Sets them from the wiring.
     pub(crate) fn wire(&mut self, [hz]: [u8; 1]) {
         if let Some(rate) = Rate::ALL.into_iter().find(|rate| rate.hz() == hz.into()) {
             self.rate = rate;

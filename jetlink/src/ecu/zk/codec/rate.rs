@@ -19,7 +19,7 @@ closed_enum! {
     }
 }
 
-// Settings are below the codec, and have the numbers once more.
+// The module of settings, which does not import codecs, repeats the numbers.
 const _: () = {
     assert!(Unit::STATUS_RATES.len() == Rate::ALL.len());
     let mut place = 0;
