@@ -16,9 +16,9 @@ fn table(rows: &[(&Setting, &str, Option<String>)], turning: &str) -> String {
     for (row, of, default) in rows {
         let off = if row.may_be_off { ", or -1: off" } else { "" };
         let range = match row.unit {
-            Unit::YesNo | Unit::Action => row.symbol.to_string(),
+            Unit::YesNo | Unit::Action => row.unit.symbol().to_string(),
             Unit::Number | Unit::Baud | Unit::StatusRate => format!("{} to {}", row.min, row.max),
-            _ => format!("{} to {} {}{off}", row.min, row.max, row.symbol),
+            _ => format!("{} to {} {}{off}", row.min, row.max, row.unit.symbol()),
         };
         let default = default.clone().unwrap_or_else(|| {
             if row.default == OFF && row.may_be_off { "off".into() } else { row.default.to_string() }
@@ -66,6 +66,15 @@ fn parameters() -> String {
         of_zk.len(),
         table(&engine, "the engine")
     )
+}
+
+/// The session with MAVProxy, which lists the parameters of an engine with a ZK ECU.
+#[test]
+fn recorded_session_has_the_number_of_parameters() {
+    let page = include_str!("../../docs/mavlink.md");
+    let zk = EngineConfig::zk("right", 1, Line::new(9600), Rate::Hz20);
+    let received = format!("\nReceived {} parameters\n", engine_parameters(&zk).count());
+    assert!(page.contains(&received), "{received}: record the session again");
 }
 
 fn services() -> String {
