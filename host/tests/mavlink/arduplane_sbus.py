@@ -79,7 +79,7 @@ def states(watch):
 
 
 def follows(vehicle, watch, *engines):
-    """Whether the orders are what ArduPlane's output 3 says; its SBUS output is 5 µs longer."""
+    """Whether the orders are what ArduPlane's output 3 says; its SBUS output is 5 or 6 µs longer."""
     servo = vehicle.ground.last("SERVO_OUTPUT_RAW", AUTOPILOT)
     return all(abs(ordered(watch, engine) - arduplane.percent(servo.servo3_raw + 5)) < 1 for engine in engines)
 

@@ -131,7 +131,7 @@ fn stick_may_command_a_shaft_speed() {
     });
 }
 
-/// The pulses of an autopilot are 5 µs longer than its outputs, and RC_RPM_MIN is a choice: neither prevents a start.
+/// The pulses of an autopilot are 5 or 6 µs longer than its outputs, and RC_RPM_MIN is a choice: neither prevents a start.
 #[test]
 fn start_by_a_stick_that_commands_a_shaft_speed_needs_the_stick_at_idle_and_no_more() {
     for (stick, low, above) in [(IDLE, 55_000, 0), (1106, 40_000, 400)] {
