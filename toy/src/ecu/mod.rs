@@ -14,8 +14,8 @@ pub mod vendor;
 #[path = "../../../jetlink/src/ecu/zk/mod.rs"]
 pub mod zk;
 
-/// The protocols: each a variant of the configuration, the services, the faults and the link of any ECU, with its number, its name and what
-/// it alone has in the wiring. A new one is a folder and a line here (docs/porting.md); `Config`, `Service` and the faults provide what the
+/// The protocols: each a variant of the configuration, the services, the faults and the link of any ECU, with its number, its name and
+/// its own parts of the wiring. A new one is a folder and a line here (docs/porting.md); `Config`, `Service` and the faults provide what the
 /// macros need. Numbers, bits and their order are stored, so they never change.
 macro_rules! protocols {
     ($make:ident) => {

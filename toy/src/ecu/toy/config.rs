@@ -26,12 +26,12 @@ impl Config {
         self.engine
     }
 
-    /// What it alone has in the wiring.
+    /// Its own parts of the wiring.
     pub(crate) const fn wired(self) -> [u8; 1] {
         [self.engine]
     }
 
-    /// Takes it from the wiring.
+    /// Sets them from the wiring.
     pub(crate) fn wire(&mut self, [engine]: [u8; 1]) {
         self.engine = engine;
     }
