@@ -119,12 +119,21 @@ impl<'a> Words<'a> {
             || self.shown.iter().any(|(at, shown)| (from_us..=to_us).contains(at) && *shown == Some(armed))
     }
 
-    /// The last throttle that may count, since then.
-    fn throttle(&self, since: u64, at: u64) -> Option<u32> {
-        self.received(since, at).iter().rev().find_map(|received| match received.word {
-            Word::Output { tenths, .. } => tenths,
-            _ => None,
-        })
+    /// The throttle before each start that is found in this time, or the lowest of them: the last one since then. What comes behind a
+    /// start, be it at the same instant, is not the throttle at which it was commanded.
+    fn throttle_of_start(&self, since: u64, from_us: u64, to_us: u64) -> Option<u32> {
+        let mut last = None;
+        let mut lowest: Option<u32> = None;
+        for received in self.received(since, to_us) {
+            match received.word {
+                Word::Output { tenths, .. } => last = tenths.or(last),
+                Word::Start { .. } if received.at >= from_us => {
+                    lowest = last.map_or(lowest, |last| Some(lowest.map_or(last, |low| low.min(last))));
+                }
+                _ => {}
+            }
+        }
+        lowest
     }
 }
 
@@ -281,7 +290,7 @@ impl Case<'_> {
                 alive.clone().any(|received| matches!(received.word, Word::Station | Word::Vehicle { .. }));
             return (!alive).then(|| "a start, and nobody is there".into());
         }
-        match words.throttle(earliest.saturating_sub(rules.ages[MAVLINK]), at) {
+        match words.throttle_of_start(earliest.saturating_sub(rules.ages[MAVLINK]), earliest, at) {
             None => Some("a start, and no stream".into()),
             Some(tenths) if tenths > rules.idle_band && !words.mavlink.relight => {
                 // Several may be found at once.

@@ -57,6 +57,10 @@ fn a_start_is_what_somebody_commanded_of_an_armed_vehicle_at_idle() {
     assert!(breaks(&other(1, DISARMED), &COMMANDS), "one heartbeat is not armed");
     assert!(breaks(&other(2, output(400)), &COMMANDS), "the throttle is up");
     assert!(breaks(&other(2, Word::Station), &COMMANDS), "there is no stream");
+    // A frame behind the start, among bytes that are read at once (613000062), and one before it.
+    let at_once =
+        |words: [Word; 2]| breaks(&[&WORDS[..3], &[(3.0, words[0]), (3.0, words[1])]].concat(), &COMMANDS);
+    assert!(!at_once([START, output(400)]) && at_once([output(400), START]));
     // The same again is a repeat.
     assert!(with(&[(4.0, START)], &[(4.0, PilotCommand::Standby), (4.0, RUN)]));
     assert!(!with(&[(4.0, START)], &[]));
