@@ -58,8 +58,7 @@ impl Case<'_> {
         };
         if versions && h.rules.gives_up_on_empty {
             // This ECU does not tolerate what is prescribed in doubt.
-            let doubt =
-                self.blind.union(&h.noise).union(&h.deaf).union(&self.down).longer(2 * self.two_states());
+            let doubt = self.blind.union(&h.noise).union(&h.deaf).union(&self.down).longer(self.two_states());
             all.push(("ZK up to 4 that gives up on ID 0, in doubt", of(doubt, 1..5)));
         }
         if let Some((egt, true)) = h.rules.limit_egt {

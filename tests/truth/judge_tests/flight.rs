@@ -291,6 +291,16 @@ fn an_ecu_does_not_put_out_an_engine_for_want_of_commands() {
     hides(true, 39_000).breaks(&[Rule::GivenUp]);
     hides(false, 37_900).breaks(&[Rule::GivenUp]);
     story(AMT).with(early(Cause::Watchdog)).breaks(&[Rule::GivenUp]);
+    // ID 0 in doubt is no command to some ZK ECUs. The doubt ends with two reports of the state, 1.3 s after the reset.
+    let empty = |down: u64, given_up: bool| {
+        story(Kind::Zk(3)).with(move |h: &mut History| {
+            h.rules.gives_up_on_empty = given_up;
+            h.resets.push(Reset { down: down * MS, up: down * MS + 50 * MS, cause: Cause::Watchdog });
+        })
+    };
+    empty(36_500, true).breaks_beside(&[Rule::Doubt], &[]);
+    empty(36_500, false).breaks_beside(&[Rule::Doubt], &[Rule::GivenUp]);
+    empty(35_500, true).breaks_beside(&[Rule::Doubt], &[Rule::GivenUp]);
 }
 
 #[test]
