@@ -17,7 +17,7 @@ use jetlink::config::EngineConfig;
 use jetlink::line::Line;
 use jetlink::node::Node;
 use jetlink::units::BaudRate;
-use jetlink::wiring::Contradiction;
+use jetlink::wiring::WiringError;
 use jetlink_fw::config::{ENGINES, MAVLINK, MAVLINK_ENGINES, TELEMETRY};
 use jetlink_mavlink::port::PortConfig;
 #[cfg(feature = "usb")]
@@ -84,8 +84,8 @@ pub struct Settings {
     wiring: wiring::All,
     /// What they were wired to before the reset, in flight: that stays.
     in_flight: Option<wiring::All>,
-    /// The engine, from 0, that the stored wiring cannot have, and why.
-    contradiction: Option<(usize, Contradiction)>,
+    /// The engine that cannot be wired as it is stored.
+    contradiction: Option<WiringError>,
     /// Of radio control and outputs.
     pub attached: attached::Settings,
     /// Key and last time stamp.
@@ -181,9 +181,9 @@ pub fn load(settings: &mut Settings) {
         }
         (Found::Damaged, false) => defmt::error!("settings: DAMAGED, using defaults"),
     }
-    if let Some((engine, why)) = settings.contradiction {
-        let engine = ENGINES[engine].name;
-        defmt::error!("{=str}: wiring as in the image, not as stored: {=str}", engine, why.message());
+    if let Some(error) = settings.contradiction {
+        let engine = ENGINES[error.row].name;
+        defmt::error!("{=str}: wiring as in the image, not as stored: {}", engine, error);
     }
     settings.store = store;
     settings.found = found;

@@ -4,7 +4,7 @@ use crate::board::engines::{POWER, RETAINED, WIRING};
 use crate::board::{PORTS, TWO_STOP_BITS};
 use jetlink::config::EngineConfig;
 use jetlink::engine::retained::{Reset, RetainedState};
-use jetlink::wiring::{Contradiction, Ports, Wiring, check};
+use jetlink::wiring::{Ports, Wiring, WiringError, check};
 use jetlink_fw::config::{ENGINES, RADIO};
 use jetlink_rc::outputs::Before;
 
@@ -41,8 +41,8 @@ pub const IMAGE: All = {
 /// Wires the engines, whose other settings are those of the table, and has it survive a reset.
 ///
 /// # Errors
-/// The engine that cannot have it, from 0, and why. Then all are wired as in the table.
-pub fn wire(engines: &mut [EngineConfig; N], all: &All) -> Result<(), (usize, Contradiction)> {
+/// The first engine that cannot have it. Then all are wired as in the table.
+pub fn wire(engines: &mut [EngineConfig; N], all: &All) -> Result<(), WiringError> {
     *engines = ENGINES;
     engines.iter_mut().zip(all).for_each(|(engine, wiring)| wiring.apply(engine));
     let checked = check(engines, LEFT);

@@ -122,6 +122,7 @@
 //! | [`ClaimError`](channel::ClaimError) | a source that is claimed already |
 //! | [`Rejected`](command::Rejected) | a command. The order in force does not change |
 //! | [`SupervisionError`](engine::config::SupervisionError), [`LinkSettingsError`](config::LinkSettingsError), [`SettingError`](setting::SettingError) | settings. None of them has changed |
+//! | [`WiringError`](wiring::WiringError) | engines as stored settings wire them |
 //!
 //! Faults of the ECU, losses of the link and limits are no errors of a call: they are [events](event::Event) and
 //! [telemetry](telemetry::Telemetry).
@@ -132,7 +133,7 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | [`units`], [`mod@line`], [`setting`], [`checksum`] | quantities; the serial line; a row of the table of settings; of what survives a reset |
+//! | [`units`], [`mod@line`], [`setting`], [`checksum`] | quantities; the serial line; the table of settings; the checksum of what survives a reset |
 //! | [`ecu::amt::codec`], [`ecu::zk::codec`] | bytes and typed frames of one protocol; scale and offset |
 //! | [`ecu::amt::config`], [`ecu::zk::config`], [`ecu`] | settings and services of each ECU, and their common types |
 //! | [`limit`], [`command`], [`report`], [`event`] | commands, reports of an ECU, events |

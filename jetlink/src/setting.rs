@@ -1,11 +1,11 @@
 //! Settings: name, unit, range, default and text of each are in one place, where its field is declared.
 //!
 //! The macro `settings!` declares a struct of settings. From the same line come the field and its documentation, the
-//! default, the check of the range, the error text, and the row of the table that `docs/failsafe.md` and, later, parameters
-//! are made from. Every setting has a value as a whole number in its unit, so that one number can express any of them.
+//! default, the check of the range, the error text, and the row of the table that `docs/failsafe.md` and the parameters of
+//! MAVLink are made from. Every setting has a value as a whole number in its unit, so that one number can express any of them.
 
 use crate::sentence::sentences;
-use crate::units::BaudRate;
+use crate::units::{BaudRate, Whole};
 
 /// Unit of a setting's number.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -54,7 +54,31 @@ impl Unit {
     /// The status rates of a ZK ECU (ZK-11).
     pub const STATUS_RATES: [i32; 3] = [20, 50, 100];
 
-    /// What to use, where not every number within a range is a value.
+    /// Symbol, or its meaning where it has none.
+    pub const fn symbol(self) -> &'static str {
+        match self {
+            Self::Milliseconds => symbol!(ms),
+            Self::Microseconds => symbol!(us),
+            Self::PerMille => symbol!(throttle),
+            Self::PerMillePerSecond => symbol!(rate),
+            Self::Percent => symbol!(percent_or_off),
+            Self::TenthsCelsius => symbol!(celsius),
+            Self::CelsiusPerSecond => symbol!(celsius_rate_or_off),
+            Self::Rpm => symbol!(rpm),
+            Self::RpmPerSecond => symbol!(rpm_rate_or_off),
+            Self::Millivolts => symbol!(millivolts_or_off),
+            Self::Gain => symbol!(gain),
+            Self::Frames => symbol!(frames),
+            Self::Raw => symbol!(raw),
+            Self::Baud => symbol!(baud),
+            Self::StatusRate => symbol!(status_rate),
+            Self::Number => symbol!(number),
+            Self::YesNo => symbol!(yes_no),
+            Self::Action => symbol!(action),
+        }
+    }
+
+    /// The valid values in words, where not every number within the range is valid.
     pub const fn choices(self) -> Option<&'static str> {
         match self {
             Self::Baud => Some(BaudRate::CHOICES),
@@ -63,7 +87,7 @@ impl Unit {
         }
     }
 
-    /// Whether a number within the range is a value.
+    /// Whether a number within the range is valid.
     const fn has(self, number: i32) -> bool {
         let [low, middle, high] = Self::STATUS_RATES;
         match self {
@@ -74,7 +98,7 @@ impl Unit {
     }
 }
 
-/// The symbol of a kind's unit, as a literal.
+/// The symbol of a kind's unit as a literal, for `concat!`: that of [`Unit::symbol`].
 #[doc(hidden)]
 #[macro_export]
 macro_rules! symbol {
@@ -82,7 +106,7 @@ macro_rules! symbol {
         "ms"
     };
     (ms_or_off) => {
-        "ms"
+        $crate::symbol!(ms)
     };
     (us) => {
         "µs"
@@ -91,13 +115,13 @@ macro_rules! symbol {
         "× 0.1 %"
     };
     (share_or_off) => {
-        "× 0.1 %"
+        $crate::symbol!(throttle)
     };
     (rate) => {
         "× 0.1 %/s"
     };
     (rate_or_off) => {
-        "× 0.1 %/s"
+        $crate::symbol!(rate)
     };
     (gain) => {
         "× 0.1 % for 1000 rpm"
@@ -109,7 +133,7 @@ macro_rules! symbol {
         "× 0.1 °C"
     };
     (celsius_or_off) => {
-        "× 0.1 °C"
+        $crate::symbol!(celsius)
     };
     (celsius_rate_or_off) => {
         "°C/s"
@@ -118,7 +142,7 @@ macro_rules! symbol {
         "rpm"
     };
     (rpm_or_off) => {
-        "rpm"
+        $crate::symbol!(rpm)
     };
     (rpm_rate_or_off) => {
         "rpm/s"
@@ -133,7 +157,7 @@ macro_rules! symbol {
         "as the ECU sends it"
     };
     (pulse) => {
-        "µs"
+        $crate::symbol!(us)
     };
     (baud) => {
         "baud"
@@ -195,8 +219,6 @@ pub struct Setting {
     /// It is offered as a parameter. Any other is set in the table of engines alone: it is for sources that few boards have, for a
     /// governor, which takes rpm demands that MAVLink does not carry, or a number that follows from the protocol.
     pub parameter: bool,
-    /// Symbol of its unit.
-    pub symbol: &'static str,
     /// Description, in a sentence.
     pub text: &'static str,
     /// The field and its range, as the text of an error.
@@ -204,13 +226,13 @@ pub struct Setting {
 }
 
 impl Setting {
-    /// For the macro. `texts`: field, text, symbol and message.
+    /// For the macro. `texts`: field, text and message.
     #[doc(hidden)]
-    pub const fn new(row: Row, name: &'static str, default: i32, texts: [&'static str; 4]) -> Self {
+    pub const fn new(row: Row, name: &'static str, default: i32, texts: [&'static str; 3]) -> Self {
         let Row { unit, min, max, may_be_off, effect, .. } = row;
-        let [field, text, symbol, message] = texts;
+        let [field, text, message] = texts;
         let parameter = row.is_parameter();
-        Self { name, field, unit, min, max, default, may_be_off, effect, parameter, symbol, text, message }
+        Self { name, field, unit, min, max, default, may_be_off, effect, parameter, text, message }
     }
 
     /// Whether this number is within the range.
@@ -262,7 +284,7 @@ impl Row {
     }
 }
 
-/// The first parameter in these tables that is the one. Everything that searches tables of parameters does it here: each further loop costs flash.
+/// The first parameter of these tables for which `is_it` is true. Tables of parameters are searched only here: each further loop takes flash.
 #[inline(never)]
 pub fn find_parameter(
     tables: &[&'static [Row]],
@@ -294,14 +316,14 @@ pub const fn rows<const N: usize>(settings: &[Setting]) -> [Row; N] {
     rows
 }
 
-/// The place of a parameter's name. Names are compared here alone: an arm for each name is more code.
+/// The index of a parameter by its name. Names are compared only here: a match arm for each name takes more code.
 #[doc(hidden)]
 #[inline(never)]
 pub fn place_of(name: &str, rows: &[Row]) -> Option<usize> {
     rows.iter().position(|row| row.name == name && row.is_parameter())
 }
 
-/// The place of any name.
+/// The index of any name.
 #[doc(hidden)]
 pub fn place_in(name: &str, names: &[&str]) -> Option<usize> {
     names.iter().position(|other| *other == name)
@@ -350,7 +372,7 @@ macro_rules! column {
     };
 }
 
-/// Returns the expression in a place, if its condition is met. What is never met is not in an image.
+/// Returns the expression at an index, if its condition is met. An image does not contain expressions whose condition is never met.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! by_place {
@@ -373,7 +395,7 @@ pub const fn allows(value: i32, min: i32, max: i32, may_be_off: bool) -> bool {
 }
 
 /// A row of a table of settings, by its number. Errors carry this, so that a firmware that never prints them does not contain
-/// the texts of the table. It has no text of its own: only the error knows which table it belongs to.
+/// the texts of the table. Only the error knows which table it belongs to, and has its text.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct SettingId(pub(crate) u8);
@@ -383,6 +405,13 @@ impl SettingId {
     pub(crate) const fn message(self, table: &'static [Setting]) -> &'static str {
         let row = self.0 as usize;
         if row < table.len() { table[row].message } else { "" }
+    }
+}
+
+/// Its number, from 0. The error that carries it prints the text of the setting.
+impl core::fmt::Display for SettingId {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "setting {}", Whole(self.0.into()))
     }
 }
 
@@ -640,7 +669,6 @@ macro_rules! settings {
                     [
                         concat!($prefix, stringify!($field)),
                         concat!($($text),+),
-                        $crate::symbol!($kind),
                         concat!($prefix, stringify!($field), ": ", $min, " to ", $max, " ", $crate::symbol!($kind)),
                     ],
                 ),

@@ -28,7 +28,7 @@ pub(crate) const fn within(given: u32, min: u32, max: u32) -> Result<(), OutOfRa
 macro_rules! quantity {
     ($(#[$meta:meta])* $name:ident($int:ty), $new:ident, $get:ident, $unit:literal) => {
         $(#[$meta])*
-        #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default)]
+        #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         pub struct $name($int);
 
@@ -104,14 +104,14 @@ impl core::fmt::Display for Signed {
     }
 }
 
-/// The rates, and what an error says of another one.
+/// Declares the rates, and the error text for any other rate.
 macro_rules! baud_rates {
     ($first:literal $(, $rate:literal)* or $last:literal) => {
         impl BaudRate {
             /// The rates that both documents print (ZK-12, AMT-1).
             pub const ALL: [u32; 7] = [$first $(, $rate)*, $last];
 
-            /// All of them, in words.
+            /// The rates in words.
             pub const CHOICES: &str = concat!("use ", $first $(, ", ", $rate)*, " or ", $last);
 
             /// The text of an error for any other rate.
@@ -121,8 +121,8 @@ macro_rules! baud_rates {
     };
 }
 
-/// One of the baud rates that both documents print ([`BaudRate::ALL`]), as its place.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+/// One of the baud rates that both documents print, stored as its index in [`BaudRate::ALL`].
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct BaudRate(u8);
 
@@ -138,12 +138,12 @@ impl BaudRate {
         Self(place as u8)
     }
 
-    /// By its place, from 0.
+    /// From its index in [`BaudRate::ALL`].
     pub const fn at(place: u8) -> Option<Self> {
         if (place as usize) < Self::ALL.len() { Some(Self(place)) } else { None }
     }
 
-    /// Its place.
+    /// Its index in [`BaudRate::ALL`].
     pub const fn place(self) -> u8 {
         self.0
     }
@@ -191,7 +191,7 @@ quantity!(
 macro_rules! ranged {
     ($(#[$meta:meta])* $name:ident($int:ty), $new:ident, $get:ident, $of:literal, $min:literal..=$max:literal) => {
         $(#[$meta])*
-        #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+        #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         pub struct $name($int);
 

@@ -6,9 +6,9 @@ use crate::ecu::{EcuConfig, protocols};
 use crate::line::{Line, StopBits};
 use crate::sentence::sentences;
 use crate::setting::settings;
-use crate::units::{BaudRate, Verbatim};
+use crate::units::{BaudRate, Verbatim, Whole};
 
-/// The last of some literals, as one.
+/// The last of several literals.
 macro_rules! last {
     ($last:literal) => {
         $last
@@ -31,8 +31,8 @@ macro_rules! wiring {
         $($field:ident: $kind:ident $row:literal in $min:literal..=$max:literal, $bits:literal bits, $text:literal;)*
     };)+) => {
         settings! {
-            /// What an engine is wired to. Whether the wiring of all engines fits together, [`check`] finds out. The names are those of
-            /// engine 1: another engine has its number in place of the 1.
+            /// Wiring of an engine. [`check`] checks whether the wirings of all engines are possible together. The names are those of engine 1:
+            /// those of another engine have its number in place of the 1.
             pub struct Wiring, "wiring.", AtNextStart, defaults elsewhere {
                 port: number "E1_PORT" in 0..=15, "ECU port of the board, from 0.";
                 protocol: number "E1_PROTO" in 1..=last!($($number)+), "Protocol of the ECU." $(" " $number ": " $label ".")+;
@@ -57,7 +57,7 @@ macro_rules! wiring {
         };
 
         impl Wiring {
-            /// Of an engine. What another protocol has is that protocol's default.
+            /// Wiring of an engine. Parts that only other protocols have are their defaults.
             pub const fn of(engine: &EngineConfig) -> Self {
                 $(let [$($field),*] = match engine.ecu {
                     EcuConfig::$name(config) => config,
@@ -75,14 +75,14 @@ macro_rules! wiring {
                 }
             }
 
-            /// Gives what only its protocol has to an ECU.
+            /// Applies the parts that only the ECU's protocol has.
             fn wire(&self, ecu: &mut EcuConfig) {
                 match ecu {
                     $(EcuConfig::$name(config) => config.wire([$(self.$field),*]),)+
                 }
             }
 
-            /// All of it in one number.
+            /// The wiring in one number.
             pub const fn packed(&self) -> u32 {
                 let common = Packed { number: 0, bits: 0 }
                     .with(self.port, bits::PORT)
@@ -92,7 +92,7 @@ macro_rules! wiring {
                 common$($(.with(self.$field, $bits))*)+.number
             }
 
-            /// From such a number; `None`: it is none.
+            /// From such a number; `None`: it is invalid.
             pub fn unpacked(number: u32) -> Option<Self> {
                 let mut rest = number;
                 let mut next = |bits: u32| {
@@ -128,7 +128,7 @@ impl Packed {
 }
 
 impl Wiring {
-    /// Gives it to an engine. With another protocol than before, the settings of its ECU and its link are the defaults of that protocol.
+    /// Applies it to an engine. If the protocol changes, the settings of ECU and link become the defaults of the new protocol.
     pub fn apply(&self, engine: &mut EngineConfig) {
         engine.port = self.port;
         let baud = self.baud.get();
@@ -142,29 +142,29 @@ impl Wiring {
         self.wire(&mut engine.ecu);
     }
 
-    /// The number of a row of [`Wiring::ROWS`].
+    /// The value of a row of [`Wiring::ROWS`].
     pub fn number(&self, name: &str) -> Option<i32> {
         self.own::<false>(name)
     }
 
-    /// Changes a number, which its row allows. False: there is none of this name.
+    /// Changes a value, within the range of its row. False: no row has this name.
     pub fn change(&mut self, name: &str, number: i32) -> bool {
         self.set_own::<false>(name, number)
     }
 }
 
-/// What a board leaves to engines.
+/// Ports of a board, as far as engines can use them.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Ports {
-    /// Number of its ports.
+    /// Number of ports.
     pub count: u8,
-    /// The one that something else has, for example a receiver of radio control.
+    /// Port in other use, for example by a receiver of radio control.
     pub taken: Option<u8>,
-    /// They can have two stop bits.
+    /// The ports can have two stop bits.
     pub two_stop_bits: bool,
 }
 
-/// Why engines cannot be wired in this way.
+/// Reason why engines cannot be wired in this way.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum Contradiction {
@@ -183,7 +183,7 @@ pub enum Contradiction {
 }
 
 impl Contradiction {
-    /// A sentence for a person, without the texts of the table of settings.
+    /// What is wrong, for people.
     pub const fn message(self) -> &'static str {
         match self {
             Self::NoSuchPort => "the board has no such port",
@@ -194,29 +194,47 @@ impl Contradiction {
             Self::Setting => "a setting does not fit the line",
         }
     }
+
+    /// Name of the setting to change, without its engine.
+    const fn setting(self) -> &'static str {
+        match self {
+            Self::NoSuchPort | Self::Taken | Self::SamePort => "PORT",
+            Self::StopBits => "STOP",
+            Self::RateTooFast | Self::Setting => "BAUD",
+        }
+    }
 }
 
-sentences!(Contradiction {
+/// An engine that cannot be wired in this way. Its text has what to change, and none of the table of settings.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct WiringError {
+    /// Row of the engine, from 0.
+    pub row: usize,
+    /// Reason.
+    pub why: Contradiction,
+}
+
+sentences!(WiringError {
 } {
-    why => "{}", Verbatim(why.message());
+    Self { row, why } => "{}: change E{}_{}", Verbatim(why.message()), Whole(row as u32 + 1), Verbatim(why.setting());
 });
 
-impl core::error::Error for Contradiction {}
+impl core::error::Error for WiringError {}
 
 /// Checks whether a board can have these engines.
 ///
 /// # Errors
-/// The row of the first one that it cannot have, and why.
-pub fn check(engines: &[EngineConfig], ports: Ports) -> Result<(), (usize, Contradiction)> {
+/// The first engine that it cannot have.
+pub fn check(engines: &[EngineConfig], ports: Ports) -> Result<(), WiringError> {
     for (row, engine) in engines.iter().enumerate() {
         if engine.port >= ports.count {
-            return Err((row, Contradiction::NoSuchPort));
+            return Err(WiringError { row, why: Contradiction::NoSuchPort });
         }
         if ports.taken == Some(engine.port) {
-            return Err((row, Contradiction::Taken));
+            return Err(WiringError { row, why: Contradiction::Taken });
         }
         if !ports.two_stop_bits && engine.line.stop_bits == StopBits::Two {
-            return Err((row, Contradiction::StopBits));
+            return Err(WiringError { row, why: Contradiction::StopBits });
         }
     }
     validate(engines).map_err(|error| {
@@ -229,6 +247,6 @@ pub fn check(engines: &[EngineConfig], ports: Ports) -> Result<(), (usize, Contr
             },
             _ => Contradiction::Setting,
         };
-        (error.row(), why)
+        WiringError { row: error.row(), why }
     })
 }

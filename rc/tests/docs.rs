@@ -9,9 +9,9 @@ fn table(rows: &[Setting]) -> String {
     for row in rows {
         let off = if row.may_be_off { ", or off" } else { "" };
         let range = match row.unit {
-            Unit::YesNo | Unit::Action => row.symbol.to_string(),
+            Unit::YesNo | Unit::Action => row.unit.symbol().to_string(),
             Unit::Number => format!("{} to {}", row.min, row.max),
-            _ => format!("{} to {} {}{off}", row.min, row.max, row.symbol),
+            _ => format!("{} to {} {}{off}", row.min, row.max, row.unit.symbol()),
         };
         let default =
             if row.default == OFF && row.may_be_off { "off".into() } else { row.default.to_string() };

@@ -120,7 +120,6 @@ macro_rules! limits {
                         effect: column!(effect AtOnce $($column)*),
                         parameter: column!(parameter $($column)*),
                         text: $text,
-                        symbol: symbol!($kind),
                         message: concat!("limits.", stringify!($field), ": ", $min, " to ", $max, " ", symbol!($kind)),
                     },
                     Self::action($action, concat!("limits.", stringify!($field), ".action"), column!(parameter $($column)*)),
@@ -143,7 +142,6 @@ macro_rules! limits {
                     effect: Effect::AtOnce,
                     parameter,
                     text: "Action, in addition to the report.",
-                    symbol: symbol!(action),
                     message: concat!("a limit's action: ", symbol!(action)),
                 }
             }
@@ -249,11 +247,10 @@ const GOVERNOR: Setting = Setting {
     effect: Effect::AtOnce,
     parameter: false,
     text: "Speed control over the throttle, for ECUs without one (`Some(Governor::DEFAULT)`).",
-    symbol: symbol!(yes_no),
     message: concat!("governor: ", symbol!(yes_no)),
 };
 
-/// What is made of every group of settings, in the order of the table. The last one is optional, and its switch comes before it.
+/// Generates what every group of settings needs, in the order of the table. The last one is optional, and its switch comes before it.
 macro_rules! groups {
     ($this:ident, { $( $group:ident: $place:expr; )* } optional $switch:ident $optional:ident: $option:expr) => {
         impl Supervision {
@@ -316,7 +313,7 @@ macro_rules! groups {
             }
         }
 
-        // `Supervision` is listed and no group of itself; the optional group is listed separately.
+        // The list has `Supervision`, which is no group of itself; the optional group is listed separately.
         const _: () = assert!(
             Supervision::GROUPS == [$( stringify!($group) ),*].len(),
             "a group of `Supervision` is not in `groups!`"

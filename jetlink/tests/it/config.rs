@@ -439,6 +439,8 @@ fn settings_have_the_defaults_that_the_table_names() {
         for setting in config.settings() {
             assert_eq!(config.number(setting.name), Some(setting.default), "{}", setting.name);
             assert!(setting.allows(setting.default), "{}", setting.name);
+            // The message has the unit's symbol from a macro, because `concat!` takes literals only.
+            assert!(setting.message.ends_with(setting.unit.symbol()), "{}", setting.message);
         }
         for (setting, row) in config.settings().zip(config.rows()) {
             let of_setting = (setting.name, setting.min, setting.max, setting.may_be_off, setting.effect);
@@ -687,15 +689,15 @@ fn docs_have_the_table_of_settings() {
         let off = if row.may_be_off { ", or off" } else { "" };
         let plain = matches!(row.unit, Unit::YesNo | Unit::Action);
         let range = if plain {
-            row.symbol.to_string()
+            row.unit.symbol().to_string()
         } else {
-            format!("{} to {} {}{off}", row.min, row.max, row.symbol)
+            format!("{} to {} {}{off}", row.min, row.max, row.unit.symbol())
         };
         let default = |number: i32| match number {
             OFF if row.may_be_off => "off".to_string(),
             number if plain => number.to_string(),
             1 if row.unit == Unit::Frames => "1 frame".to_string(),
-            number => format!("{number} {}", row.symbol),
+            number => format!("{number} {}", row.unit.symbol()),
         };
         let default = if of_protocols.iter().all(|(_, other)| other.default == row.default) {
             default(row.default)

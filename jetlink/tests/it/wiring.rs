@@ -7,7 +7,7 @@ use jetlink::ecu::amt::codec::EngineModel;
 use jetlink::ecu::zk::codec::Rate;
 use jetlink::engine::retained::{Reset, RetainedMemory, RetainedState};
 use jetlink::line::{Line, StopBits, Timing};
-use jetlink::wiring::{Contradiction, Ports, Wiring, check};
+use jetlink::wiring::{Contradiction, Ports, Wiring, WiringError, check};
 
 const AMT: EngineConfig = EngineConfig::amt("amt", 0, Line::new(2400), Some(EngineModel::Titan));
 const ZK: EngineConfig = EngineConfig::zk("zk", 1, Line::with_two_stop_bits(115_200), Rate::Hz100);
@@ -139,24 +139,30 @@ fn what_a_board_cannot_have_is_found_with_its_row_and_why() {
     assert_eq!(wired(&[]), Ok(()));
     // Two engines swap ports.
     assert_eq!(wired(&[(0, "E1_PORT", 1), (1, "E1_PORT", 0)]), Ok(()));
-    for (changes, row, why) in [
-        (&[(0, "E1_PORT", 1)][..], 1, Contradiction::SamePort),
-        (&[(1, "E1_PORT", 6)], 1, Contradiction::NoSuchPort),
-        (&[(0, "E1_PORT", 5)], 0, Contradiction::Taken),
-        (&[(1, "E1_PROTO", 1)], 1, Contradiction::StopBits),
-        (&[(1, "E1_BAUD", 4800)], 1, Contradiction::RateTooFast),
+    for (changes, row, why, text) in [
+        (&[(0, "E1_PORT", 1)][..], 1, Contradiction::SamePort, "two engines on one port: change E2_PORT"),
+        (&[(1, "E1_PORT", 6)], 1, Contradiction::NoSuchPort, "the board has no such port: change E2_PORT"),
+        (&[(0, "E1_PORT", 5)], 0, Contradiction::Taken, "its port is used by radio control: change E1_PORT"),
+        (&[(1, "E1_PROTO", 1)], 1, Contradiction::StopBits, "use one stop bit: change E2_STOP"),
+        (
+            &[(1, "E1_BAUD", 4800)],
+            1,
+            Contradiction::RateTooFast,
+            "the line is too slow for the status rate: change E2_BAUD",
+        ),
     ] {
-        assert_eq!(wired(changes), Err((row, why)), "{changes:?}");
-        assert!(why.message().is_ascii() && why.to_string() == why.message());
+        let error = WiringError { row, why };
+        assert_eq!((wired(changes), error.to_string().as_str()), (Err(error), text), "{changes:?}");
     }
     let one = Ports { two_stop_bits: false, ..SIX };
-    assert_eq!(check(&[AMT, ZK], one), Err((1, Contradiction::StopBits)));
+    let error = |row, why| Err(WiringError { row, why });
+    assert_eq!(check(&[AMT, ZK], one), error(1, Contradiction::StopBits));
     assert_eq!(ZK.line.stop_bits, StopBits::Two);
     let mut slow = EngineConfig::amt("slow", 0, Line::new(9600), None);
     assert!(slow.set("AMT_GUARD", 20_000).is_ok());
     assert_eq!(check(&[slow], SIX), Ok(()));
     slow.line = Line::new(2400);
-    assert_eq!(check(&[slow], SIX), Err((0, Contradiction::Setting)));
+    assert_eq!(check(&[slow], SIX), error(0, Contradiction::Setting));
 }
 
 /// For any engine's record, also after a loss of power: a firmware that needs this before it reads settings does not know the engine.

@@ -38,7 +38,7 @@ use jetlink::command::Command;
 use jetlink::command::Order;
 use jetlink::config::EngineConfig;
 use jetlink::units::Verbatim;
-use jetlink::wiring::{Contradiction, Wiring};
+use jetlink::wiring::{Wiring, WiringError};
 
 /// Time within which an autopilot is received, if there is one.
 const LISTEN: Duration = Duration::from_secs(3);
@@ -89,8 +89,8 @@ pub struct Service<'a, const N: usize, const P: usize, A: Attached = Nothing> {
     /// Wiring of each engine from the next start on, and in the image. None for an engine whose wiring is not a parameter.
     wiring: Vec<Wiring, N>,
     image: &'a [Wiring],
-    /// The engine, from 0, whose stored wiring contradicts itself, and why.
-    contradiction: Option<(usize, Contradiction)>,
+    /// The engine that cannot be wired as it is stored.
+    contradiction: Option<WiringError>,
     /// As they were at the start: a change takes effect at the next one.
     base: u8,
     autopilot_port: Option<usize>,

@@ -13,7 +13,7 @@ use crate::store::NotSaved;
 use embassy_time::Instant;
 use jetlink::setting::Effect;
 use jetlink::units::Verbatim;
-use jetlink::wiring::{Contradiction, Wiring};
+use jetlink::wiring::{Wiring, WiringError};
 
 /// Heartbeats, one a second, between two texts about a problem with the settings.
 const TEXT_EVERY: u8 = 10;
@@ -55,20 +55,15 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             });
             self.say(now, Place::Node, Severity::Critical, None, format_args!("{text}"));
         }
-        if let Some((engine, why)) = self.contradiction {
-            let what = format_args!("wiring as in the image, not as stored: {}", Verbatim(why.message()));
-            self.say(now, Place::Engine(engine), Severity::Error, None, what);
+        if let Some(error) = self.contradiction {
+            let what = format_args!("wiring as in the image, not as stored: {error}");
+            self.say(now, Place::Engine(error.row), Severity::Error, None, what);
         }
     }
 
     /// Offers the wiring of engines as parameters of the node, which the code that builds the service stores and uses at its next start. `wiring` is
-    /// the stored one, `image` applies where nothing is stored. Returns the engine whose stored wiring contradicts itself, and why.
-    pub fn set_wiring(
-        &mut self,
-        wiring: &[Wiring],
-        image: &'a [Wiring],
-        contradiction: Option<(usize, Contradiction)>,
-    ) {
+    /// the stored one, `image` applies where nothing is stored. `contradiction`: the engine that cannot be wired as it is stored.
+    pub fn set_wiring(&mut self, wiring: &[Wiring], image: &'a [Wiring], contradiction: Option<WiringError>) {
         // Wirings beyond the number of engines are left out.
         self.wiring = wiring.iter().copied().take(N).collect();
         (self.image, self.contradiction) = (image, contradiction);

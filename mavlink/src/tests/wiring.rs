@@ -10,7 +10,7 @@ use jetlink::config::EngineConfig;
 use jetlink::ecu::amt::codec::EngineModel;
 use jetlink::ecu::zk::codec::Rate;
 use jetlink::line::Line;
-use jetlink::wiring::{Contradiction, Wiring};
+use jetlink::wiring::{Contradiction, Wiring, WiringError};
 use std::collections::BTreeSet;
 use std::string::{String, ToString};
 use std::vec::Vec;
@@ -212,7 +212,8 @@ fn wiring_that_contradicts_itself_is_said_on_every_port_and_engines_start_all_th
         world.ready().await;
         let mut stored = IMAGE;
         assert!(stored[1].change("E1_PORT", 0));
-        world.service.borrow_mut().set_wiring(&stored, &IMAGE, Some((1, Contradiction::SamePort)));
+        let error = WiringError { row: 1, why: Contradiction::SamePort };
+        world.service.borrow_mut().set_wiring(&stored, &IMAGE, Some(error));
         let at = world.frames.borrow().len();
         world.pass_s(25.0).await;
         for port in [TO_AUTOPILOT, TO_GROUND] {
@@ -231,7 +232,10 @@ fn wiring_that_contradicts_itself_is_said_on_every_port_and_engines_start_all_th
             );
         }
         assert!(
-            world.texts().replace('\n', "").contains("not as stored: two engines on one port"),
+            world
+                .texts()
+                .replace('\n', "")
+                .contains("not as stored: two engines on one port: change E2_PORT"),
             "{}",
             world.texts()
         );

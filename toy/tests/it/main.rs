@@ -23,7 +23,7 @@ use toy::link::{Link, Observation, Speaks, Stage};
 use toy::report::{LinkState, Phase};
 use toy::setting::Effect;
 use toy::units::{Celsius, Throttle};
-use toy::wiring::{self, Contradiction, Ports, Wiring};
+use toy::wiring::{self, Contradiction, Ports, Wiring, WiringError};
 
 const LINE: Line = Line::new(9600);
 const ENGINE: EngineConfig = EngineConfig::new("toy", 0, LINE, EcuConfig::Toy(Config::DEFAULT));
@@ -130,7 +130,7 @@ fn toy_is_among_the_protocols_of_the_wiring() {
     let ports = Ports { count: 1, taken: None, two_stop_bits: true };
     let two = EngineConfig { line: Line::with_two_stop_bits(9600), ..ENGINE };
     assert_eq!(wiring::check(&[ENGINE], ports), Ok(()));
-    assert_eq!(wiring::check(&[two], ports), Err((0, Contradiction::StopBits)));
+    assert_eq!(wiring::check(&[two], ports), Err(WiringError { row: 0, why: Contradiction::StopBits }));
 }
 
 /// Services and faults of any ECU include those of the toy.
