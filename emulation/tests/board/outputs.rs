@@ -8,7 +8,7 @@ use emulation::receiver::{Position, Protocol, Receiver};
 use emulation::{Bench, Board, Image, PIXRACER, Report, Run, engines};
 use sim::amt::AmtEcu;
 use sim::ecu::{MILLIS, Nanos, SECOND};
-use sim::turbine::{Parameters, Phase};
+use sim::turbine::Phase;
 use sim::zk::ZkEcu;
 
 /// Ports of an AMT engine, "left", and of a ZK engine, "booster".
