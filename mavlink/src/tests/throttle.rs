@@ -3,7 +3,7 @@
 use super::world::*;
 use crate::dialect::{HEARTBEAT_DATA, RC_CHANNELS_OVERRIDE_DATA};
 use crate::frame::Address;
-use crate::ids::CMD_USER_1;
+use crate::ids::{CMD_USER_1, MODE_ARMED};
 use embassy_time::{Duration, Instant};
 use jetlink::command::{Command, Demand, Order, Origin};
 use jetlink::config::{EngineConfig, LinkSettings};
@@ -91,6 +91,31 @@ fn disarmed_holds_at_idle_and_does_not_stop() {
         assert_eq!((world.telemetry(1).state, world.ordered(1)), (EngineState::Running, Some(0)));
         world.plane.armed.set(true);
         world.rises_to(1, 500).await;
+    });
+}
+
+/// A demand that rises from idle after arming does not catch up after a gap of the stream that is no loss.
+#[test]
+fn a_demand_that_rises_after_arming_does_not_rise_in_a_gap_of_the_stream() {
+    run(async |world| {
+        world.ready().await;
+        world.start(1).await;
+        world.plane.armed.set(false);
+        world.pass_s(3.0).await;
+        world.throttle(1900);
+        world.pass_s(1.0).await;
+        assert_eq!(world.ordered(1), Some(0));
+        world.plane.armed.set(true);
+        world.until("it rises", 10, || world.ordered(1) >= Some(200)).await;
+        world.throttle(0);
+        world.pass_s(0.8).await;
+        assert_eq!(world.telemetry(1).loss, LossStage::None);
+        let before = world.ordered(1).unwrap();
+        world.throttle(1900);
+        world.until("it rises again", 2, || world.ordered(1) > Some(before)).await;
+        // A frame may bring the rise of 0.1 s.
+        assert!(world.ordered(1) <= Some(before + 50), "{before} to {:?}", world.ordered(1));
+        world.rises_to(1, 1000).await;
     });
 }
 
@@ -212,6 +237,36 @@ fn other_vehicles_and_other_ports_move_nothing() {
     });
 }
 
+/// A disarmed vehicle falls silent. Neither another vehicle arms it, nor another component, nor a heartbeat like its own on another port.
+#[test]
+fn other_vehicles_and_other_ports_arm_nothing() {
+    run(async |world| {
+        world.ready().await;
+        world.plane.armed.set(false);
+        world.until("disarmed", 5, || !world.telemetry(0).armed).await;
+        world.plane.heartbeats.set(false);
+        let armed = HEARTBEAT_DATA {
+            custom_mode: 0,
+            mavtype: 1,
+            autopilot: 3,
+            base_mode: MODE_ARMED,
+            system_status: 4,
+            mavlink_version: 3,
+        };
+        let arms = async |(port, system, component): (usize, u8, u8)| {
+            for _ in 0..4 {
+                world.say(port, Address { system, component }, &armed);
+                world.pass_s(0.5).await;
+            }
+            world.telemetry(0).armed
+        };
+        for sender in [(TO_AUTOPILOT, 7, 1), (TO_AUTOPILOT, SYSTEM, 2), (TO_GROUND, SYSTEM, 1)] {
+            assert!(!arms(sender).await, "{sender:?}");
+        }
+        assert!(arms((TO_AUTOPILOT, SYSTEM, 1)).await, "our own does");
+    });
+}
+
 #[test]
 fn rc_override_is_a_throttle_only_where_it_is_chosen() {
     run(async |world| {
@@ -243,8 +298,15 @@ fn rc_override_is_a_throttle_only_where_it_is_chosen() {
         send(GROUND, ENGINE[1], 1900).await;
         assert_eq!(world.ordered(1), Some(1000));
         // Frames from others, and frames addressed elsewhere, are silence.
-        send(Address { system: 7, component: 190 }, ENGINE[1], 1900).await;
-        send(GROUND, 0, 1900).await;
+        for (from, component) in [(Address { system: 7, component: 190 }, ENGINE[1]), (GROUND, 0)] {
+            send(from, component, 1900).await;
+            assert!(world.telemetry(1).loss != LossStage::None, "{from:?} to {component}");
+            send(GROUND, ENGINE[1], 1900).await;
+            assert_eq!(world.telemetry(1).loss, LossStage::None);
+        }
+        // While the settings are damaged, it is unknown whose throttle this is.
+        world.service.borrow_mut().set_damaged(true);
+        send(GROUND, ENGINE[1], 1900).await;
         assert!(world.telemetry(1).loss != LossStage::None);
     });
 }
@@ -539,6 +601,7 @@ fn an_engine_that_is_found_running_without_memory_follows_the_stream_once_armed(
         world.throttle(1500);
         world.pass_s(20.0).await;
         assert_ne!(world.ordered(1), Some(500), "not before the vehicle is armed");
+        assert_eq!(world.telemetry(1).active_source, Origin::Node, "it is left alone");
         world.plane.armed.set(true);
         world.until("it follows the stream", 60, || world.ordered(1) == Some(500)).await;
         assert_eq!(world.telemetry(1).active_source, Origin::Mavlink);
