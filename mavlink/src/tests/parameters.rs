@@ -225,6 +225,12 @@ fn no_engine_starts_while_a_setting_of_it_is_being_stored() {
     run(async |world| {
         world.ready().await;
         world.service.borrow_mut().set_parameter_storage(ParameterStorage::Stored);
+        let set_output = |pulse: u16| {
+            let mut outputs = world.plane.outputs.get();
+            outputs[2] = pulse;
+            world.plane.outputs.set(outputs);
+        };
+        set_output(0);
         let at = world.frames.borrow().len();
         assert_eq!(world.set(ENGINE[0], "MAV_THR_OUT", 5.0).await.0, None, "not answered yet");
         let (answer, texts) = world.control(0, &[1.0]).await;
@@ -233,8 +239,12 @@ fn no_engine_starts_while_a_setting_of_it_is_being_stored() {
         assert_eq!(world.control(1, &[1.0]).await.0, Some(0));
         assert!(world.service.borrow_mut().next_save().is_some());
         world.service.borrow_mut().saved(Instant::now(), Err(NotSaved::Full));
-        world.pass_s(0.2).await;
+        world.pass_s(0.1).await;
         assert_eq!(world.answers(at).0, Some(3.0));
+        // Output 5 was at idle, which says nothing about output 3.
+        let (answer, texts) = world.control(0, &[1.0]).await;
+        assert!(answer == Some(1) && texts.contains("no throttle received"), "{answer:?} {texts}");
+        set_output(IDLE_US);
         assert_eq!(world.telemetry(0).ordered.order, Order::Standby);
         world.until("the other one runs", 120, || world.telemetry(1).state == EngineState::Running).await;
         world.pass_s(11.0).await;
