@@ -312,6 +312,8 @@ pub enum Word {
         while_disarmed: bool,
     },
     Stop,
+    /// A stop to the engine's component, of another system: it counts where the node has no id.
+    StopElsewhere,
     EmergencyStop,
     Release,
     /// A service command: the number of a ZK action.

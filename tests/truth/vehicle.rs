@@ -649,15 +649,15 @@ impl Vehicle {
                 return;
             }
         };
+        let stops_elsewhere = from == GROUND && to.0 != SYSTEM && params == stop;
+        let (meaning, counts) = if stops_elsewhere {
+            (Meaning::To(place, Word::StopElsewhere), "where the node has no id")
+        } else {
+            (Meaning::Nothing, "for nothing")
+        };
         contexts[engine]
-            .note(format!("{from:?} to {to:?}: command {number} {params:?}, which counts for nothing"));
-        self.later.push(Later {
-            at: now,
-            port,
-            from,
-            message: command_long(to, number, 0, params),
-            meaning: Meaning::Nothing,
-        });
+            .note(format!("{from:?} to {to:?}: command {number} {params:?}, which counts {counts}"));
+        self.later.push(Later { at: now, port, from, message: command_long(to, number, 0, params), meaning });
     }
 
     /// Something well formed, at any time.

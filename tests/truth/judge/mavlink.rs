@@ -192,7 +192,9 @@ impl Case<'_> {
                         let since = at.saturating_sub(after);
                         !words.may_show(since + TICK, at, true) && words.shows(at) == Some(false)
                     });
-                    (!any(|word| word == Word::Stop) && !long).then(|| "a stop that nobody commanded".into())
+                    let unnamed = at < words.known && any(|word| word == Word::StopElsewhere);
+                    let received = any(|word| word == Word::Stop) || unnamed;
+                    (!received && !long).then(|| "a stop that nobody commanded".into())
                 }
                 PilotCommand::Stop => {
                     stopped = Some(at);

@@ -21,12 +21,17 @@ fn breaks(words: &[(f64, Word)], commands: &[(f64, PilotCommand)]) -> bool {
 /// The same after damaged frames.
 fn breaks_behind(damaged: &[f64], words: &[(f64, Word)], commands: &[(f64, PilotCommand)]) -> bool {
     let damaged = damaged.iter().map(|at| micros(*at)).collect();
+    breaks_where(ByMavlink { damaged, ..ByMavlink::default() }, words, commands)
+}
+
+/// The same with these settings.
+fn breaks_where(settings: ByMavlink, words: &[(f64, Word)], commands: &[(f64, PilotCommand)]) -> bool {
     let received = words.iter().map(|&(at, word)| Received { at: micros(at), word }).collect();
     let starts = words.iter().filter(|(_, word)| matches!(word, Word::Start { .. }));
     let accepted = |at: f64| commands.contains(&(at, PilotCommand::Standby));
     let answers = starts.map(|&(at, _)| Answered { at: micros(at), accepted: accepted(at) }).collect();
     let story = Story::new(ZK5).with(|h| {
-        h.mavlink = Some(ByMavlink { has_output: true, received, answers, damaged, ..ByMavlink::default() });
+        h.mavlink = Some(ByMavlink { has_output: true, received, answers, ..settings });
         h.commanded = commands
             .iter()
             .map(|&(at, command)| Commanded { at: micros(at), source: MAVLINK, command })
@@ -104,4 +109,22 @@ fn a_stop_that_is_received_is_commanded_and_no_other() {
     assert!(with(&[(5.0, Word::Stop), (6.0, output(0))], &[stop, (6.0, RUN)]), "nobody has started it since");
     assert!(!with(&[(5.0, Word::EmergencyStop)], &[(5.0, PilotCommand::Stop)]));
     assert!(with(&[(5.0, Word::EmergencyStop)], &[stop]), "less than an emergency stop");
+}
+
+/// 613000155: until the node has learnt the id of its vehicle, it does not know which system it is.
+#[test]
+fn a_stop_that_names_another_system_counts_where_the_node_has_no_id() {
+    let breaks = |learns: bool, words: &[(f64, Word)]| {
+        let stops = [&COMMANDS[..], &[(5.0, PilotCommand::ShutDown)]].concat();
+        let commands = if words.contains(&WORDS[3]) { &stops[..] } else { &stops[3..] };
+        breaks_where(ByMavlink { learns, ..ByMavlink::default() }, words, commands)
+    };
+    let elsewhere = (5.0, Word::StopElsewhere);
+    assert!(!breaks(true, &[elsewhere]) && breaks(false, &[elsewhere]));
+    assert!(breaks(true, &[(5.0, Word::Station)]), "nobody commanded it");
+    // The node has answered the start, so it has an id.
+    let answered = [&WORDS[..], &[elsewhere]].concat();
+    assert!(breaks(true, &answered));
+    // It need not be obeyed.
+    assert!(!breaks_where(ByMavlink { learns: true, ..ByMavlink::default() }, &[elsewhere], &[]));
 }
