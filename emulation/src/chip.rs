@@ -1,6 +1,7 @@
 //! The emulated part and the devices on its UARTs: rigless's bench of the part, our ECUs in place of its own far
 //! ends, and the watchdog that one part lacks.
 
+use core::ops::Range;
 use rigless::chip::Placed;
 use rigless::chip::uart::{Errors, TcpPeer};
 use rigless::device::{Device, ErasedDevice, Level, ResetCause};
@@ -107,8 +108,8 @@ pub struct Rig {
     /// The part.
     pub chip: Chip,
     kind: Part,
-    /// The firmware reads the MPU's registers: see `cpu`.
-    mpu_is_read: bool,
+    /// Flash and RAM.
+    memory: Vec<Range<u64>>,
     instructions_per_second: u64,
     /// UARTs with an ECU.
     wired: Vec<Uart>,
@@ -147,20 +148,16 @@ impl Rig {
             chip.iwdg_slot = Some(chip.bus().slot("IWDG").expect("the H743's description has a watchdog"));
             chip.rtc_slot = Some(chip.bus().slot("RTC").expect("the H743's description has a clock"));
         }
+        let memory = vec![board.flash.clone(), board.ram.start..board.above.end];
         Self {
             chip,
             kind: board.part,
-            mpu_is_read: false,
+            memory,
             instructions_per_second,
             wired: Vec::new(),
             pulses: None,
             dead_crystal: false,
         }
-    }
-
-    /// The MPU's registers are those of the firmware throughout, which makes a run slower.
-    pub fn keep_mpu(&mut self) {
-        self.mpu_is_read = true;
     }
 
     /// Connects a wire to a UART.
@@ -377,9 +374,7 @@ impl machine::Board for Rig {
     fn targets(&mut self) -> Vec<Target<'_>> {
         let mut core = each!(&mut self.chip.part, b => machine::Board::targets(&mut **b).remove(0).core);
         core.instructions_per_second = self.instructions_per_second.try_into().expect("not zero");
-        if !self.mpu_is_read {
-            core.processor = cpu::with_guard(core.processor);
-        }
+        core.processor = cpu::with_regions(core.processor, self.memory.clone());
         vec![Target::new("mcu", &mut self.chip, core)]
     }
 }

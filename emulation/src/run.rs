@@ -274,9 +274,6 @@ impl Run {
         images.push(rigless::image::Image::new(&path, bytes, None).expect("an ELF file"));
 
         let mut rig = Rig::new(board, self.instructions_per_second);
-        if self.image == Image::SelfTest {
-            rig.keep_mpu();
-        }
         for (port, wire) in core::mem::take(&mut self.wires) {
             rig.attach(board.port(port).uart, wire);
         }

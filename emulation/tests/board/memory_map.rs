@@ -119,30 +119,3 @@ fn a_stack_that_grows_too_far_ends_the_firmware_before_it_reaches_the_statics() 
         assert!(report.lines("left: ECU link up").next_back().expect("up again").at > report.resets[0].0);
     });
 }
-
-/// The task's code is replaced by one that moves the stack to right above the guard, where the next interrupt finds no room.
-#[test]
-fn an_interrupt_without_room_on_the_stack_ends_the_firmware() {
-    on_each_board(|board| {
-        let statics_end = symbol(board, Image::Release, "_stack_end");
-        let top = statics_end.next_multiple_of(16 * 1024) + 16 * 1024 + 8;
-        let report = Run::new(board, Image::Release)
-            .engines()
-            .at(1500 * MILLIS, move |bench| {
-                let code = statics_end.next_multiple_of(4);
-                // ldr r0, [pc, #4]; mov sp, r0; b .; nop
-                for (at, word) in [(0, 0x4685_4801), (4, 0xBF00_E7FE), (8, top as u32)] {
-                    bench.set_word(code + at, word);
-                }
-                hijack(bench, board, Image::Release, Task::Supervisor, code);
-            })
-            .resets(1)
-            .with_errors()
-            .until(5 * SECOND)
-            .go_unchecked()
-            .0;
-        assert_eq!(report.resets.len(), 1, "{:?}", report.resets);
-        assert!(report.resets[0].0 < 2 * SECOND, "not by the watchdog: {:?}", report.resets);
-        assert!(report.lines("left: ECU link up").next_back().expect("up again").at > report.resets[0].0);
-    });
-}
