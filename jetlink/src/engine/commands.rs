@@ -205,7 +205,14 @@ impl Engine {
         let demand = self.clamp(demand);
         let can = self.can(now, demand);
         match can {
-            Ok(()) => self.sources.command(now, origin, Intent::Run(demand)),
+            Ok(()) => {
+                if self.sources.was_deferred(origin)
+                    && let Mode::Run(run) = &mut self.mode
+                {
+                    run.shaper.rise();
+                }
+                self.sources.command(now, origin, Intent::Run(demand));
+            }
             // The ECU has not reported its version yet, or no shaft speed: the source is present, and its run stays.
             Err(Rejected::NeedsVersion { known: None, .. } | Rejected::RpmNotKnown) => {
                 self.sources.defer_run(now, origin, demand);

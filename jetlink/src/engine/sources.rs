@@ -49,6 +49,8 @@ struct Source {
     received: bool,
     /// Time of its last standby or run since the node started.
     last_commanded: Option<Instant>,
+    /// Its last run could not be followed yet.
+    deferred: bool,
 }
 
 /// What a record holds of the source that was in control.
@@ -102,6 +104,14 @@ impl Sources {
         let before = self.source(origin).filter(|source| now < source.silent_from);
         let before = before.map(|source| source.intent).filter(|intent| matches!(intent, Intent::Run(_)));
         self.command(now, origin, before.unwrap_or(Intent::Run(demand)));
+        if let Some(source) = self.slot(origin) {
+            source.deferred = true;
+        }
+    }
+
+    /// Whether the last run of a source could not be followed yet: the next one must not jump.
+    pub fn was_deferred(&self, origin: Origin) -> bool {
+        self.source(origin).is_some_and(|source| source.deferred)
     }
 
     /// Takes a standby. With `needs_two` the first of two commands changes nothing.
@@ -182,6 +192,7 @@ impl Sources {
                 standby_at,
                 received: true,
                 last_commanded,
+                deferred: false,
             });
         }
     }
@@ -209,6 +220,7 @@ impl Sources {
                     standby_at: None,
                     received: false,
                     last_commanded: None,
+                    deferred: false,
                 });
             }
             None => {}

@@ -196,3 +196,34 @@ fn zk_a_frame_without_a_demand_does_not_send_it() {
     }
     assert!(with > 0 && without > 0, "{with} {without}");
 }
+
+/// "after a gap ... the demand rises at `rise`": also to an rpm that was refused until the ECU had reported its version again. The
+/// control: an rpm that is commanded once the version is known is in force at once.
+#[test]
+fn an_rpm_that_waited_for_the_version_does_not_jump() {
+    for waits in [true, false] {
+        let mut scenario = flying(Ecu::Zk, 10);
+        scenario.silent();
+        scenario.fly_us(run(10), Origin::Rc, SECOND);
+        scenario.reports = Some(Reports::Running);
+        scenario.fly_us(run(10), Origin::Rc, SECOND);
+        let full = Command::Run(rpm(150_000));
+        if waits {
+            let refused = Err(Rejected::NeedsVersion { needed: 4, known: None });
+            assert_eq!(scenario.command(full), refused);
+            scenario.fly_us(full, Origin::Rc, SECOND);
+            assert_eq!(scenario.order(), Order::Run(percent(10)));
+        }
+        scenario.introduce();
+        if !waits {
+            scenario.fly_us(run(10), Origin::Rc, SECOND);
+        }
+        scenario.fly_us(full, Origin::Rc, 100_000);
+        let Order::Run(Demand::Rpm(in_force)) = scenario.order() else { panic!("{:?}", scenario.order()) };
+        // 50 % of 160 000 rpm a second, from a shaft at 12 000 rpm.
+        assert_eq!(in_force.get() == 150_000, !waits, "{in_force:?}");
+        assert!(!waits || in_force.get() < TURNING + 10_000, "{in_force:?}");
+        scenario.fly_us(full, Origin::Rc, 3 * SECOND);
+        assert_eq!(scenario.order(), Order::Run(rpm(150_000)));
+    }
+}
