@@ -32,8 +32,9 @@ impl Engine {
                     Some(end) => self.life_over(now, end),
                     None => {
                         self.report_doubt(doubted, doubts);
-                        if doubts {
-                            // While in doubt, each set decides whether it is answered.
+                        if doubts || doubted {
+                            // While in doubt, each set decides whether it is answered. The one that ends the doubt is not answered with the
+                            // throttle of a governor that had no speed.
                             self.shape(now);
                         } else {
                             self.express(now);

@@ -436,3 +436,33 @@ fn a_start_needs_the_commanded_rpm_at_idle_not_the_clamped_one() {
         assert_eq!(scenario.command(Command::Run(rpm(commanded))), answer, "{commanded}");
     }
 }
+
+/// A set that ends a doubt has a speed: it is not answered with the idle throttle of a governor without one, from which the next
+/// answer would jump back.
+#[test]
+fn the_set_that_ends_a_doubt_is_answered_by_the_governor() {
+    let mut scenario = at(governed(|_| {}), 60, 60_000);
+    let command = Command::Run(rpm(60_000));
+    scenario.fly_us(command, Origin::Rc, SECOND);
+    let before = scenario.tenths();
+    assert!(before > 500, "{before}");
+    scenario.odd(Reports::Stopped, Values { rpm: Some(0), ..scenario.values });
+    scenario.pass_us(FRAME_PERIOD_US);
+    scenario.silent().sent();
+    // Noise without a head of a set is no gap, and brings no speed for more than 0.6 s.
+    for _ in 0..13 {
+        let _ = scenario.command(command);
+        scenario.pass_us(FRAME_PERIOD_US);
+        scenario.bench.receive(&[0; 6]);
+    }
+    assert!(scenario.telemetry().in_doubt.is_some());
+    scenario.pass_us(FRAME_PERIOD_US);
+    scenario.odd(Reports::Running, scenario.values);
+    assert!(scenario.telemetry().in_doubt.is_none());
+    scenario.pass_us(FRAME_PERIOD_US);
+    scenario.odd(Reports::Running, scenario.values);
+    scenario.pass_us(FRAME_PERIOD_US);
+    let sent = throttles(&scenario.sent());
+    assert!(sent.iter().all(|tenths| tenths.abs_diff(before) < 50), "{sent:?}, before {before}");
+    assert_eq!(sent.len(), 2);
+}
