@@ -113,6 +113,22 @@ impl<'a> Words<'a> {
         self.shown[..self.shown.partition_point(|(when, _)| *when <= at)].last().and_then(|(_, shown)| *shown)
     }
 
+    /// When the node has certainly found two heartbeats in a row that show this change: those behind a damaged frame may be skipped with
+    /// it.
+    fn surely_shown(&self, at: u64, shown: bool) -> Option<u64> {
+        let heartbeats = self.received(at, u64::MAX).iter();
+        let heartbeats = heartbeats.filter_map(|received| match received.word {
+            Word::Vehicle { armed } => Some((received.at, armed)),
+            _ => None,
+        });
+        // The one that showed it was the second.
+        let first = self.received(0, at - 1).iter().rev();
+        let first = first.clone().find(|received| matches!(received.word, Word::Vehicle { .. }));
+        let first = first.map(|received| (received.at, shown)).into_iter();
+        let equal = first.chain(heartbeats).take_while(|(_, armed)| *armed == shown);
+        equal.filter(|(when, _)| !self.late.contains(*when)).nth(1).map(|(when, _)| when)
+    }
+
     /// Whether it may have shown this in a time.
     fn may_show(&self, from_us: u64, to_us: u64, armed: bool) -> bool {
         self.shows(from_us) == Some(armed)
@@ -330,11 +346,10 @@ impl Case<'_> {
         for pair in words.shown.windows(2) {
             let (at, shown) = pair[1];
             let disarms = pair[0].1 == Some(true) && shown == Some(false);
-            if disarms
-                && pair[0].0 > words.known
-                && !cut(at)
-                && !self.commands(words, at, |it| it == PilotCommand::Disarm)
-            {
+            let Some(sure) = words.surely_shown(at, false).filter(|_| disarms) else { continue };
+            let reset = h.resets.iter().any(|reset| (at..sure + FOUND_LATE).contains(&reset.down));
+            let mut commands = h.commanded(at, sure).iter().filter(|it| it.source == MAVLINK);
+            if pair[0].0 > words.known && !reset && !commands.any(|it| it.command == PilotCommand::Disarm) {
                 wrong.push((at, "the vehicle was disarmed, and its engine is not".into()));
             }
         }

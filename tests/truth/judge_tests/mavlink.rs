@@ -94,6 +94,13 @@ fn a_demand_is_that_of_a_frame_and_disarmed_is_idle() {
     assert!(with(&disarmed, &[disarm, (5.0, half)]));
     assert!(!with(&disarmed, &[disarm, (5.0, RUN)]));
     assert!(with(&disarmed, &[(5.0, RUN)]), "the engine stays armed");
+    // Behind a damaged frame a heartbeat may be skipped, and then the vehicle is armed again (613000205). Two that are found count.
+    let behind = |damaged: &[f64], next: Word| {
+        let shown = [(4.0, DISARMED), (4.5, DISARMED), (7.2, next), (7.7, next)];
+        breaks_behind(damaged, &[&WORDS[..], &shown].concat(), &COMMANDS)
+    };
+    assert!(behind(&[], ARMED) && !behind(&[4.1], ARMED) && !behind(&[3.9], ARMED));
+    assert!(behind(&[4.1], DISARMED));
     // A frame before the heartbeat that disarms, among bytes that are read at once (600000005).
     let at_once = [(4.0, DISARMED), (4.5, output(500)), (4.5, DISARMED), (4.6, output(500))];
     assert!(!with(&at_once, &[(4.5, half), disarm]));
