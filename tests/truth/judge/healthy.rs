@@ -389,7 +389,8 @@ impl Case<'_> {
             // After a fault only a set that reports running does.
             let fault = self.faults.last_before(at).filter(|(_, to)| *to < sets);
             let behind_fault = fault.is_some_and(|(_, to)| {
-                h.samples(to + 1, sets).iter().all(|sample| sample.hidden)
+                // One set before it may report running: two are needed.
+                h.samples(to + first, sets).iter().all(|sample| sample.hidden)
                     && at < to + h.rules.gives_up_after + first
             });
             let unknown = [

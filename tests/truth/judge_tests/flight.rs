@@ -288,6 +288,9 @@ fn an_ecu_does_not_put_out_an_engine_for_want_of_commands() {
         })
     };
     hides(true, 37_900).passes();
+    // One that reports running in between confirms nothing yet (53000081).
+    hides(true, 38_050).passes();
+    hides(true, 38_300).breaks(&[Rule::GivenUp]);
     hides(true, 39_000).breaks(&[Rule::GivenUp]);
     hides(false, 37_900).breaks(&[Rule::GivenUp]);
     story(AMT).with(early(Cause::Watchdog)).breaks(&[Rule::GivenUp]);
