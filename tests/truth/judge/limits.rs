@@ -4,7 +4,7 @@
 use super::case::{Case, Rule, gap, is_above_fail_safe, seconds, two_states};
 use super::control::{CommandLog, silences};
 use crate::history::{
-    Cause, Commanded, Demanded, Frame, History, MS, PilotCommand, SECOND, Sample, Spans, Switch,
+    Cause, Commanded, Demanded, Frame, History, MS, Mark, PilotCommand, SECOND, Sample, Spans, Switch,
 };
 use sim::turbine::Phase;
 
@@ -381,8 +381,15 @@ pub fn busy(other: &History) -> Spans {
     let hidden = other.mute.union(&other.deaf).union(&other.noise).union(&other.unpowered).union(&down);
     let runs = other.times(|sample| sample.runs() && !sample.hidden && !sample.fault);
     let mut spans = Vec::new();
-    for pair in switches.windows(2).filter(|pair| !orders(pair[0].1) && orders(pair[1].1)) {
-        let at = pair[1].0;
+    let begins = switches.windows(2).filter(|pair| !orders(pair[0].1) && orders(pair[1].1));
+    let begins = begins.map(|pair| (pair[1].0, other.rules.start_gap));
+    // An engine that its ECU lights again is starting, too.
+    let ordered = |at: u64| switches[..switches.partition_point(|(when, _)| *when <= at)].last();
+    let relit = other.marks.iter().filter(|(at, mark)| {
+        matches!(mark, Mark::Ignition | Mark::Relight)
+            && ordered(*at).is_some_and(|(_, switch)| orders(*switch))
+    });
+    for (at, gap) in begins.chain(relit.map(|(at, _)| (*at, 0))) {
         let ends = switches.iter().find(|(when, switch)| *when > at && !orders(*switch));
         let ends = ends.map_or(other.end, |(when, _)| *when);
         let known = two_states(other) + SECOND;
@@ -391,7 +398,7 @@ pub fn busy(other: &History) -> Spans {
             let by = from + known + hidden.within(from, from + known) * 4;
             (from > at && by < to).then_some(by)
         });
-        let free = known.unwrap_or(u64::MAX).min(ends + SECOND).max(at + other.rules.start_gap);
+        let free = known.unwrap_or(u64::MAX).min(ends + SECOND).max(at + gap);
         // Its command came a moment before.
         spans.push((at.saturating_sub(SECOND), free + other.rules.period));
     }

@@ -755,3 +755,19 @@ fn a_start_of_which_no_frame_was_sent_delays_other_engines() {
     // Refused.
     assert!(!delays(21.0, &|_: &mut History| {}));
 }
+
+/// 51600130: an AMT ECU lights its engine again on the run that is on the wire.
+#[test]
+fn an_engine_that_is_lit_again_delays_other_engines() {
+    let delays = |at: f64, relit: bool| {
+        let story = flight(AMT, 60.0);
+        let Story(mut h) = if relit { story.mark(45.0, Mark::Ignition) } else { story };
+        for sample in h.samples.iter_mut().filter(|it| relit && (45 * SECOND..55 * SECOND).contains(&it.at)) {
+            sample.phase = Phase::FuelRamp;
+        }
+        h.end = 60 * SECOND;
+        h.samples.sort_by_key(|sample| sample.at);
+        busy(&h).contains(micros(at))
+    };
+    assert!(delays(50.0, true) && !delays(50.0, false) && !delays(58.0, true));
+}
