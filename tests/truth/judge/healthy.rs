@@ -475,7 +475,17 @@ impl Case<'_> {
         let limit_supply = h.rules.limit_supply == Some(false) && h.low_supply.touches(start, at + 1);
         let limit_change = h.rules.limit_change == Some(false)
             && (noise || h.sensor.touches(start, at) || ran.iter().any(out) || !self.live.contains(at));
-        limit_low || limit_supply || limit_change || limit_egt || limit_rpm || limit_fault || other || ctf
+        let limit_jump =
+            h.rules.limit_jump == Some(false) && h.jumps.iter().any(|jump| (start..at).contains(jump));
+        limit_jump
+            || limit_low
+            || limit_supply
+            || limit_change
+            || limit_egt
+            || limit_rpm
+            || limit_fault
+            || other
+            || ctf
     }
 
     /// Whether the last gap of this source was a short one, in a steady stream of a source that was in control: it continues

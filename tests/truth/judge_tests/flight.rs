@@ -316,6 +316,11 @@ fn a_demand_is_not_held_below_the_commanded_one() {
     };
     story(500).passes();
     story(480).breaks(&[Rule::HeldDown]);
+    // A speed that no turbine makes has lowered it (53000117).
+    let jumped =
+        |at: u64| story(0).with(move |h| (h.rules.limit_jump, h.jumps) = (Some(false), vec![at * SECOND]));
+    jumped(40).breaks_beside(&[Rule::Limit], &[]);
+    jumped(10).breaks_beside(&[Rule::Limit], &[Rule::HeldDown]);
     // A source whose commands are exactly as far apart as its timeout is lost each time, and a lower one stays in control.
     let seldom = |every: u64| {
         flight(ZK5, 40.0)
