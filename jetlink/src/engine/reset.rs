@@ -212,22 +212,6 @@ impl Engine {
         }
     }
 
-    /// Whether a source was received since the node started.
-    fn source_received(&self) -> bool {
-        match &self.mode {
-            // Commands of a lower source must not prolong the hold of a lost source's demand.
-            Mode::Run(run) => self.sources.has_commanded(run.in_control()),
-            _ => self.sources.last_command().is_some(),
-        }
-    }
-
-    /// Ends the count of resets without a source once one is received, also for an order of which that source is no part.
-    pub(super) fn count_resets(&mut self) {
-        if self.source_received() {
-            self.resets = 0;
-        }
-    }
-
     /// Silence of the source in control, or the time since it was lost, resets included: a source that comes and goes does not
     /// restart the stages of loss. One that waits to take over is in control.
     fn silent(&self, run: &Run) -> Duration {
