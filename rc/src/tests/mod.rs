@@ -14,4 +14,5 @@ mod parameters;
 mod pwm;
 mod runner;
 mod sbus;
+mod unreadable;
 mod world;
