@@ -34,14 +34,14 @@ struct LimitState {
 impl LimitState {
     const WITHIN: Self = Self { beyond: Consecutive::NONE, violated: false };
 
-    /// Takes one value, with the violation that it is if it is beyond the limit. `found` gets the violation once, at the second
-    /// consecutive value. Not inlined: every limit calls it.
+    /// Takes the violation that one value is; `None`: it is within the limit, or there is no limit. `found` gets the violation once, at the
+    /// second consecutive value. Not inlined: every limit calls it.
     #[inline(never)]
-    fn observe(&mut self, beyond: bool, violation: LimitViolation, found: &mut dyn FnMut(LimitViolation)) {
-        if !beyond {
+    fn observe(&mut self, violation: Option<LimitViolation>, found: &mut dyn FnMut(LimitViolation)) {
+        let Some(violation) = violation else {
             *self = Self::WITHIN;
             return;
-        }
+        };
         self.beyond.count(true);
         if self.beyond.is(AGREEING) {
             self.violated = true;
@@ -170,13 +170,11 @@ impl LimitMonitor {
         }
         if let Some(supply) = supply.filter(|supply| self.supply_seen != Some(supply.at)) {
             self.supply_seen = Some(supply.at);
-            if let Some(limit) = limits.supply_low.at {
-                let voltage = supply.value;
-                let violation = LimitViolation::new(LimitKind::SupplyLow, voltage.get(), limit.get(), now);
-                self.supply_low.observe(voltage < limit, violation, found);
-            } else {
-                self.supply_low = LimitState::WITHIN;
-            }
+            let voltage = supply.value;
+            let limit = limits.supply_low.at.filter(|limit| voltage < *limit);
+            let low =
+                limit.map(|limit| LimitViolation::new(LimitKind::SupplyLow, voltage.get(), limit.get(), now));
+            self.supply_low.observe(low, found);
         }
         if let Some(faults) = report.faults.filter(|faults| self.fault_seen != Some(faults.at)) {
             self.fault_seen = Some(faults.at);
@@ -186,10 +184,9 @@ impl LimitMonitor {
                 self.fault.beyond.reset();
             }
             let before = self.fault.violated.then_some(self.fault_reported);
-            let number = fault.unwrap_or_default();
-            let violation = LimitViolation::new(LimitKind::EcuFault, number.into(), 0, now);
+            let fault = fault.map(|number| LimitViolation::new(LimitKind::EcuFault, number.into(), 0, now));
             let reported = &mut self.fault_reported;
-            self.fault.observe(fault.is_some(), violation, &mut |confirmed| {
+            self.fault.observe(fault, &mut |confirmed| {
                 *reported = confirmed.value;
                 if before != Some(confirmed.value) {
                     found(confirmed);
@@ -217,23 +214,17 @@ impl LimitMonitor {
 
         // Without a configured limit the ECU's own figures apply.
         let reported_max = report.max_rpm.map(|max| max.value.get() / 100 * 105);
-        if let Some(limit) = limits.over_speed.at.map(Rpm::get).or(reported_max) {
-            let violation = LimitViolation::new(LimitKind::OverSpeed, value, limit, now);
-            self.over_speed.observe(value > limit, violation, found);
-        } else {
-            self.over_speed = LimitState::WITHIN;
-        }
+        let max = limits.over_speed.at.map(Rpm::get).or(reported_max).filter(|max| value > *max);
+        let high = max.map(|max| LimitViolation::new(LimitKind::OverSpeed, value, max, now));
+        self.over_speed.observe(high, found);
         let reported_idle = report.idle_rpm.map(|idle| idle.value.get() / 100 * 80);
-        if let Some(limit) = limits.low_rpm.at.map(Rpm::get).or(reported_idle) {
-            // `lowered` is `now` while no run is in force: after standby the ECU may still report a running engine.
-            let low = phase == Some(Phase::Running) && lowered < now && value < limit;
-            let violation = LimitViolation::new(LimitKind::LowRpm, value, limit, now);
-            self.low_rpm.observe(low, violation, found);
-        } else {
-            self.low_rpm = LimitState::WITHIN;
-        }
+        // `lowered` is `now` while no run is in force: after standby the ECU may still report a running engine.
+        let runs = phase == Some(Phase::Running) && lowered < now;
+        let min = limits.low_rpm.at.map(Rpm::get).or(reported_idle).filter(|min| runs && value < *min);
+        let low = min.map(|min| LimitViolation::new(LimitKind::LowRpm, value, min, now));
+        self.low_rpm.observe(low, found);
 
-        if let Some(limit) = limits.flame_out.at {
+        let out = limits.flame_out.at.and_then(|limit| {
             let highest = self
                 .history
                 .iter()
@@ -244,11 +235,9 @@ impl LimitMonitor {
             let lost = highest.get().saturating_sub(value).saturating_mul(100) / highest.get().max(1);
             let commanded = now < lowered + SPOOL_DOWN;
             let beyond = phase == Some(Phase::Running) && !commanded && lost >= u32::from(limit);
-            let violation = LimitViolation::new(LimitKind::FlameOut, lost, u32::from(limit), now);
-            self.flame_out.observe(beyond, violation, found);
-        } else {
-            self.flame_out = LimitState::WITHIN;
-        }
+            beyond.then(|| LimitViolation::new(LimitKind::FlameOut, lost, u32::from(limit), now))
+        });
+        self.flame_out.observe(out, found);
     }
 
     /// Checks for a change of shaft speed, in rpm/s, that no turbine can make.
@@ -271,8 +260,9 @@ impl LimitMonitor {
             return;
         };
         let change = change(before);
-        let violation = LimitViolation::new(LimitKind::Implausible, change, limit, now);
-        self.implausible.observe(change > limit, violation, found);
+        let beyond = change > limit;
+        let beyond = beyond.then(|| LimitViolation::new(LimitKind::Implausible, change, limit, now));
+        self.implausible.observe(beyond, found);
         if change <= limit || self.implausible.beyond.reached(AGREEING) {
             self.plausible = Some(rpm);
         }
@@ -287,18 +277,11 @@ impl LimitMonitor {
         found: &mut dyn FnMut(LimitViolation),
     ) {
         let value = egt.value.tenths();
-        if let Some(limit) = limits.over_temperature.at {
-            let violation = LimitViolation {
-                kind: LimitKind::OverTemperature,
-                value: value.into(),
-                limit: limit.tenths().into(),
-                at: now,
-            };
-            self.over_temperature.observe(egt.value > limit, violation, found);
-        } else {
-            self.over_temperature = LimitState::WITHIN;
-        }
-        if let Some(limit) = limits.hot_start.at {
+        let violation = |kind, value, limit| LimitViolation { kind, value, limit, at: now };
+        let max = limits.over_temperature.at.filter(|max| egt.value > *max);
+        let hot = max.map(|max| violation(LimitKind::OverTemperature, value.into(), max.tenths().into()));
+        self.over_temperature.observe(hot, found);
+        let rises = limits.hot_start.at.and_then(|limit| {
             let before = self
                 .history
                 .iter()
@@ -311,11 +294,9 @@ impl LimitMonitor {
             });
             let beyond = phase == Some(Phase::Starting) && rise > i64::from(limit);
             let value = i32::try_from(rise).unwrap_or(i32::MAX);
-            let violation = LimitViolation { kind: LimitKind::HotStart, value, limit: limit.into(), at: now };
-            self.hot_start.observe(beyond, violation, found);
-        } else {
-            self.hot_start = LimitState::WITHIN;
-        }
+            beyond.then(|| violation(LimitKind::HotStart, value, limit.into()))
+        });
+        self.hot_start.observe(rises, found);
     }
 
     fn sample(&mut self, now: Instant) {
