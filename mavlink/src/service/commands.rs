@@ -142,31 +142,8 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
                     (Some(0), Some(0 | 1), Some(0), Some(0 | WHILE_DISARMED)) => {
                         self.stop_engine(now, engine)
                     }
-                    (Some(1), Some(0 | 1), Some(0), Some(0 | WHILE_DISARMED)) if self.is_damaged() => {
-                        refuse(Refusal::Damaged)
-                    }
-                    (Some(1), Some(0 | 1), Some(0), Some(0 | WHILE_DISARMED)) if self.reboot => {
-                        refuse(Refusal::Restarts)
-                    }
-                    // It would be judged by a setting that may not stay.
-                    (Some(1), Some(0 | 1), Some(0), Some(0 | WHILE_DISARMED))
-                        if self.is_being_set(engine) =>
-                    {
-                        refuse(Refusal::StoreBusy)
-                    }
                     (Some(1), Some(0 | 1), Some(0), Some(bits @ (0 | WHILE_DISARMED))) => {
-                        let Some(engine) = self.engines.get_mut(engine) else { return Ok(Ack::Unsupported) };
-                        let situation = Self::situation(now, &self.vehicle, &self.received);
-                        let answer = engine.start(situation, from, confirmation, bits == WHILE_DISARMED);
-                        if answer.is_ok() && self.settings.progress {
-                            engine.progress = u8::try_from(port).ok().map(|port| (port, from));
-                        }
-                        match answer {
-                            Ok(()) | Err((Ack::Accepted, None)) if engine.progress.is_some() => {
-                                Ok(Ack::InProgress)
-                            }
-                            answer => answer.map(|()| Ack::Accepted),
-                        }
+                        self.start_engine(now, port, from, engine, confirmation, bits == WHILE_DISARMED)
                     }
                     _ => refuse(Refusal::Malformed(
                         "DO_ENGINE_CONTROL: param1 0 or 1, param3 0, param4 0 or 1",
@@ -189,6 +166,37 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
             (CMD_SET_MESSAGE_INTERVAL, _) => self.set_interval(port, place, first, second),
             (CMD_REQUEST_MESSAGE, _) => self.request_message(now, port, place, first),
             _ => Ok(Ack::Unsupported),
+        }
+    }
+
+    fn start_engine(
+        &mut self,
+        now: Instant,
+        port: usize,
+        from: Address,
+        engine: usize,
+        confirmation: u8,
+        while_disarmed: bool,
+    ) -> Answer {
+        if self.is_damaged() {
+            return refuse(Refusal::Damaged);
+        }
+        if self.reboot {
+            return refuse(Refusal::Restarts);
+        }
+        // It would be judged by a setting that may not stay.
+        if self.is_being_set(engine) {
+            return refuse(Refusal::StoreBusy);
+        }
+        let Some(engine) = self.engines.get_mut(engine) else { return Ok(Ack::Unsupported) };
+        let situation = Self::situation(now, &self.vehicle, &self.received);
+        let answer = engine.start(situation, from, confirmation, while_disarmed);
+        if answer.is_ok() && self.settings.progress {
+            engine.progress = u8::try_from(port).ok().map(|port| (port, from));
+        }
+        match answer {
+            Ok(()) | Err((Ack::Accepted, None)) if engine.progress.is_some() => Ok(Ack::InProgress),
+            answer => answer.map(|()| Ack::Accepted),
         }
     }
 
