@@ -91,14 +91,7 @@ fn outputs_that_nobody_drives_are_no_stop_with_end_points_of_1000_us_either() {
                 world.run_by(RUN).await;
                 world.radio.stick.set(half);
                 world.until("half throttle", 10, || world.ordered() == Some(500)).await;
-                // Its start takes 2 s without frames, then 2 s with outputs that nobody drives.
-                world.radio.plugged.set(false);
-                world.pass_s(2.0).await;
-                world.radio.plugged.set(true);
-                for output in [&world.radio.stick, &world.radio.switch, &world.radio.hand_over] {
-                    output.set(881);
-                }
-                world.pass_s(2.0).await;
+                autopilot_restarts(world).await;
                 assert!(!world.telemetry().stop_latched, "{kind:?}, reversed {reversed}");
                 assert!(world.ordered().is_some_and(|throttle| throttle <= 500));
                 // A stop sent by a transmitter counts, also beside the lowest possible stick.
@@ -124,13 +117,7 @@ fn outputs_that_nobody_drives_are_no_stop_from_an_end_point_of_892_us_on() {
                 world.run_by(RUN).await;
                 world.radio.stick.set(low.midpoint(1900));
                 world.until("half throttle", 10, || world.ordered().is_some_and(|order| order >= 495)).await;
-                world.radio.plugged.set(false);
-                world.pass_s(2.0).await;
-                world.radio.plugged.set(true);
-                for output in [&world.radio.stick, &world.radio.switch, &world.radio.hand_over] {
-                    output.set(881);
-                }
-                world.pass_s(2.0).await;
+                autopilot_restarts(world).await;
                 assert_eq!(world.telemetry().stop_latched, stops, "{low} µs");
             })
             .await;
@@ -214,4 +201,15 @@ fn a_wire_of_pulses_that_breaks_is_silence() {
             world.rises_to(500).await;
         });
     }
+}
+
+/// An autopilot restarts in flight: 2 s without frames, then 2 s with outputs that nobody drives.
+async fn autopilot_restarts(world: &World<'_>) {
+    world.radio.plugged.set(false);
+    world.pass_s(2.0).await;
+    world.radio.plugged.set(true);
+    for output in [&world.radio.stick, &world.radio.switch, &world.radio.hand_over] {
+        output.set(881);
+    }
+    world.pass_s(2.0).await;
 }
