@@ -1,7 +1,7 @@
 //! Serial ports, of the ECUs, of MAVLink and of a receiver of radio control: a buffered UART that hands over every byte as it arrives, and counts line errors.
 //!
 //! `BufferedUart` only logs framing, noise and overrun errors. So a second handler,
-//! [`LineMonitor`], runs on the same interrupt *before* the driver's own (`bind_interrupts!` calls
+//! [`BeforeDriver`], runs on the same interrupt *before* the driver's own (`bind_interrupts!` calls
 //! handlers in the order written) and counts the error flags that are set. It reads the status
 //! register and writes none:
 //!
@@ -10,19 +10,21 @@
 //!   flags; the driver does both next. A read of the status alone clears nothing.
 //!
 //! The hardware raises these flags together with an interrupt that is enabled anyway (RXNEIE: a byte
-//! was received or lost), and the driver clears every flag that the monitor saw before the interrupt
+//! was received or lost), and the driver clears every flag that was counted before the interrupt
 //! returns: each error is counted once, and consecutive lost bytes are counted once. The H7's driver enables
 //! the UART's FIFO; the flags are then those of the byte at its head. An error that is raised between
 //! the two reads, a few dozen ns, is not counted; its byte is still received.
+//!
+//! A third handler, [`AfterDriver`], runs last. Both take the ends of transmissions from the F4's driver, see `TransmissionEnd` there.
 
-use super::chip;
+use super::chip::{self, TransmissionEnd, Transmitter};
 use super::format::Format;
 use core::marker::PhantomData;
 use core::sync::atomic::{AtomicU32, Ordering};
 use embassy_stm32::{
     interrupt::typelevel::Handler,
     pac::usart::Usart,
-    usart::{BufferedUart, BufferedUartRx, BufferedUartTx, Config, ConfigError, Instance, Parity},
+    usart::{BufferedUart, BufferedUartRx, Config, ConfigError, Instance, Parity},
 };
 use jetlink::line::StopBits;
 use jetlink::link::MAX_TRANSMISSION;
@@ -34,7 +36,7 @@ pub struct EcuPort {
     /// From the ECU, the autopilot or the receiver.
     pub rx: BufferedUartRx<'static>,
     /// To it.
-    pub tx: BufferedUartTx<'static>,
+    pub tx: Transmitter,
     /// Line errors, counted in the UART's interrupt.
     pub errors: &'static LineErrors,
     /// Its format.
@@ -48,8 +50,8 @@ pub struct EcuPort {
 /// The driver of the port of a number, with buffers for sending and receiving; `None`: there is none. The port must not be open.
 pub type Driver = unsafe fn(usize, &'static mut [u8], &'static mut [u8], Format) -> Option<Opened>;
 
-/// A driver, or what is wrong with its configuration, and the counters of line errors.
-pub type Opened = (Result<BufferedUart<'static>, ConfigError>, &'static LineErrors);
+/// A driver, or what is wrong with its configuration, and what its interrupt keeps.
+pub type Opened = (Result<BufferedUart<'static>, ConfigError>, &'static State);
 
 impl EcuPort {
     /// Runs an engine on this port. If the transmitter is stuck, the port is closed and reopened, which discards waiting bytes.
@@ -99,44 +101,69 @@ impl Buffers {
     }
 }
 
+/// What the interrupt of a UART keeps, besides the driver.
+pub struct State {
+    /// Its line errors.
+    errors: LineErrors,
+    /// Of the last transmission.
+    end: TransmissionEnd,
+}
+
+impl State {
+    /// Of a UART that was not opened yet.
+    pub const fn new() -> Self {
+        Self { errors: LineErrors::new(), end: TransmissionEnd::new() }
+    }
+}
+
 /// A UART that can be an ECU port; [`ecu_uarts!`] implements it.
 pub trait EcuUart: Instance {
     /// Its registers.
     const REGISTERS: Usart;
 
-    /// Its counters of line errors.
-    fn errors() -> &'static LineErrors;
+    /// What its interrupt keeps.
+    fn state() -> &'static State;
 }
 
 /// Interrupt handler that counts line errors. It must come before the driver's own.
-pub struct LineMonitor<T>(PhantomData<T>);
+pub struct BeforeDriver<T>(PhantomData<T>);
 
-impl<T: EcuUart> Handler<T::Interrupt> for LineMonitor<T> {
+impl<T: EcuUart> Handler<T::Interrupt> for BeforeDriver<T> {
     unsafe fn on_interrupt() {
         for (raised, error) in chip::line_errors(T::REGISTERS) {
             if raised {
-                T::errors().count(error);
+                T::state().errors.count(error);
             }
         }
+        T::state().end.before_driver(T::REGISTERS);
     }
 }
 
-/// Turns UARTs into ECU ports: binds their interrupts to the monitor and then the driver (as `Irqs`),
-/// and gives each its counters.
+/// Interrupt handler that must come after the driver's own.
+pub struct AfterDriver<T>(PhantomData<T>);
+
+impl<T: EcuUart> Handler<T::Interrupt> for AfterDriver<T> {
+    unsafe fn on_interrupt() {
+        T::state().end.after_driver(T::REGISTERS);
+    }
+}
+
+/// Turns UARTs into ECU ports: binds their interrupts to the three handlers in their order (as `Irqs`), and gives each its state.
 macro_rules! ecu_uarts {
     ($($uart:ident),* $(,)?) => {
         embassy_stm32::bind_interrupts!(struct Irqs {
             $($uart =>
-                $crate::board::port::LineMonitor<embassy_stm32::peripherals::$uart>,
-                embassy_stm32::usart::BufferedInterruptHandler<embassy_stm32::peripherals::$uart>;)*
+                $crate::board::port::BeforeDriver<embassy_stm32::peripherals::$uart>,
+                embassy_stm32::usart::BufferedInterruptHandler<embassy_stm32::peripherals::$uart>,
+                $crate::board::port::AfterDriver<embassy_stm32::peripherals::$uart>;)*
         });
 
         $(impl $crate::board::port::EcuUart for embassy_stm32::peripherals::$uart {
             const REGISTERS: embassy_stm32::pac::usart::Usart = embassy_stm32::pac::$uart;
 
-            fn errors() -> &'static jetlink::runner::LineErrors {
-                static ERRORS: jetlink::runner::LineErrors = jetlink::runner::LineErrors::new();
-                &ERRORS
+            fn state() -> &'static $crate::board::port::State {
+                static STATE: $crate::board::port::State = $crate::board::port::State::new();
+                &STATE
             }
         })*
     };
@@ -175,9 +202,9 @@ unsafe fn open_at(driver: Driver, number: (usize, usize), format: Format) -> Opt
     // SAFETY: the place is one of the array, and the caller guarantees that no open port holds its buffers. Nothing else names them.
     let buffers = unsafe { &mut *(&raw mut BUFFERS).cast::<Buffers>().add(place) };
     // SAFETY: the caller guarantees that the UART is not open.
-    let (uart, errors) = unsafe { driver(port, &mut buffers.tx, &mut buffers.rx, format) }?;
+    let (uart, state) = unsafe { driver(port, &mut buffers.tx, &mut buffers.rx, format) }?;
     let (tx, rx) = defmt::unwrap!(uart).split();
-    Some(EcuPort { rx, tx, errors, format, number, driver })
+    Some(EcuPort { rx, tx: state.end.transmitter(tx), errors: &state.errors, format, number, driver })
 }
 
 /// How a driver is configured. Inlined where it is used: what is the same for all formats is then known for each driver.

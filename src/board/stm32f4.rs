@@ -2,6 +2,9 @@
 
 #[cfg(feature = "selftest")]
 pub mod facts;
+mod transmitter;
+
+pub use self::transmitter::{TransmissionEnd, Transmitter};
 
 use super::first::Step;
 use super::state::{ENGINE_EXECUTOR, Oscillator, ResetCause};

@@ -67,6 +67,30 @@ pub fn line_errors(uart: Usart) -> [(bool, LineError); 4] {
     ]
 }
 
+/// The sending half of a port.
+pub type Transmitter = embassy_stm32::usart::BufferedUartTx<'static>;
+
+/// Nothing: the driver knows when the last bit of a transmission is sent.
+pub struct TransmissionEnd;
+
+impl TransmissionEnd {
+    /// Of a UART that has sent nothing.
+    pub const fn new() -> Self {
+        Self
+    }
+
+    /// Does nothing.
+    pub fn before_driver(&self, _: Usart) {}
+
+    /// Does nothing.
+    pub fn after_driver(&self, _: Usart) {}
+
+    /// The sending half, as the driver has it.
+    pub fn transmitter(&'static self, driver: Transmitter) -> Transmitter {
+        driver
+    }
+}
+
 /// Inverts what a UART receives (RXINV).
 pub const fn invert_rx(uart: &mut embassy_stm32::usart::Config) {
     uart.invert_rx = true;

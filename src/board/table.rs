@@ -130,7 +130,7 @@ macro_rules! board {
 
         ecu_uarts!($($each),*);
 
-        /// The driver of a port by its number, and its counters of line errors; `None`: there is no such port. The driver has buffers for sending and receiving. In one function: the compiler shares what is the same
+        /// The driver of a port by its number, and what its interrupt keeps; `None`: there is no such port. The driver has buffers for sending and receiving. In one function: the compiler shares what is the same
         /// for each.
         ///
         /// # Safety
@@ -154,7 +154,7 @@ macro_rules! board {
                         (peripherals::$each::steal(), peripherals::$rx::steal(), peripherals::$tx::steal())
                     };
                     let opened = BufferedUart::new(uart, rx, tx, tx_buffer, rx_buffer, Irqs, config);
-                    return Some((opened, peripherals::$each::errors()));
+                    return Some((opened, peripherals::$each::state()));
                 }
                 number += 1;
             )*
