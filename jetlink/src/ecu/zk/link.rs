@@ -230,6 +230,10 @@ impl Link for ZkLink {
     }
 
     fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
+        // Where no frame was expected, bytes before a pause are the rest of one. With the next bytes one rest in 256 has a right CRC.
+        if self.gaps.gap_at().is_none() && self.gaps.broke_off(now) {
+            self.decoder.byte_lost();
+        }
         let (taken, frame) = self.decoder.feed(bytes);
         self.damage.received(taken, bytes.len());
         self.gaps.bytes(now, taken);

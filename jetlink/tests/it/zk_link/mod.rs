@@ -15,7 +15,7 @@ mod versions;
 use jetlink::command::{Command, Demand, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::amt::config::Service as AmtService;
-use jetlink::ecu::zk::codec::{AccelerationCurve, Action, IgnitionPumpVoltage, Rate, Version};
+use jetlink::ecu::zk::codec::{AccelerationCurve, Action, IgnitionPumpVoltage, Rate, StatusFrame, Version};
 use jetlink::ecu::zk::config::{Config, Service as ZkService};
 use jetlink::ecu::zk::link::ZkLink;
 use jetlink::ecu::{Faults, Service};

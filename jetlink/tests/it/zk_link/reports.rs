@@ -280,3 +280,23 @@ fn a_lost_byte_damages_the_frame_that_it_was_in_only() {
     let counters = bench.machine.status().counters;
     assert_eq!((counters.frames, counters.damaged_frames, counters.read_errors), (2, 1, 2));
 }
+
+/// A node that begins in the middle of a frame gets its rest, and takes it for the beginning of one. After a pause nothing completes it.
+#[test]
+fn the_rest_of_a_frame_before_a_pause_does_not_become_a_frame() {
+    let next = zk::state(STATE_RUNNING);
+    // It has a right CRC with the first bytes of the next frame.
+    let with = |last: u8| [0xF1, 0x30, last, next[0], next[1], next[2], next[3]];
+    let rest = (0..=u8::MAX).map(with).find(|&bytes| StatusFrame::new(bytes).is_some()).expect("one in 256");
+    let phase = |pause_us: u64| {
+        let mut bench = link(Config::DEFAULT, LINE);
+        bench.rx_at_us(10_000, &rest[..3]);
+        bench.rx_at_us(10_000 + pause_us, &next);
+        bench.rx_at_us(60_000 + pause_us, &next);
+        let status = bench.machine.status();
+        assert_eq!((status.counters.frames, status.counters.bytes_skipped), (2, 3));
+        status.report.phase.map(|phase| phase.value)
+    };
+    assert_eq!(phase(5_000), None, "a false frame, which is not known for one, and a true one do not agree");
+    assert_eq!(phase(40_000), Some(Phase::Running), "two true frames");
+}

@@ -60,6 +60,12 @@ impl Decoder {
         self.len
     }
 
+    /// A byte was lost: the unfinished frame is discarded.
+    pub fn byte_lost(&mut self) {
+        self.counters.bytes_skipped = self.counters.bytes_skipped.wrapping_add(self.len as u32);
+        self.len = 0;
+    }
+
     fn push(&mut self, byte: u8) -> Option<StatusFrame> {
         if self.len == 0 && !is_status_head(byte) {
             self.counters.bytes_skipped = self.counters.bytes_skipped.wrapping_add(1);
