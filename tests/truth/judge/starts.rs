@@ -344,7 +344,8 @@ impl Case<'_> {
                 // A fall proves nothing within 5 s after the demand was lowered, also by the stages of loss.
                 let lowered = self.last_lowered(out.saturating_sub(LOWERED), answered);
                 let counts = lowered.map_or(out, |lowered| out.max(lowered + LOWERED));
-                let since = h.samples(out, at.saturating_sub(100 * MS));
+                // Two sets have to agree that it is too cold for combustion.
+                let since = h.samples(out, at.saturating_sub(2 * h.rules.period + 50 * MS));
                 // Nor can a temperature that is not measured.
                 let unmeasured = h.sensor.contains(out);
                 let up =

@@ -113,6 +113,16 @@ fn a_trip_that_clears_while_the_exhaust_is_hot_cannot_be_seen() {
     let slow =
         |h: &mut History| h.samples.iter_mut().filter(|s| s.fault).for_each(|s| s.egt = 0.7 * s.egt + 210.0);
     story(46.0, false).with(slow).passes();
+    // Two sets have to agree that it is too cold for combustion.
+    let cold_from = |at: f64| {
+        story(46.0, false).with(move |h| {
+            let coldest = h.rules.burning - 10.0;
+            let falling = |s: &mut Sample| s.egt = coldest + 5.0 * (at - s.at as f64 / SECOND as f64);
+            h.samples.iter_mut().filter(|s| s.fault).for_each(falling);
+        })
+    };
+    cold_from(45.75).passes();
+    cold_from(45.6).breaks(&[Rule::Ignition]);
     // It acts on what it was sent before the fault cleared, also for a moment after that.
     let cleared = |last_run: u64| {
         story(43.5, false).with(move |h| {
