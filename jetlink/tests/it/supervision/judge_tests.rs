@@ -95,7 +95,8 @@ fn lost_again_before_a_frame(returns: bool, throttle: u16) -> Result<(), String>
             judge.input(at, commands(if starts { Command::Run(percent(0)) } else { Command::Standby }))?;
         }
         if step % 12 == 1 {
-            judge.frame(at, Frame::Full(if starts { Switch::Run } else { Switch::Standby }, 0))?;
+            let runs = at > 3 * SECOND + 10 * MS;
+            judge.frame(at, Frame::Full(if runs { Switch::Run } else { Switch::Standby }, 0))?;
         }
     }
     if returns {
@@ -324,4 +325,52 @@ fn a_lost_demand_is_at_the_fail_safe_a_frame_after_its_ramp() {
         let verdict = judged(at * MS, throttle);
         assert!(verdict.as_ref().is_err_and(|why| why.starts_with("(3)")), "{at}: {verdict:?}");
     }
+}
+
+/// A source was lost, has been received again for 1.36 s or, with the silence before the reset, 1.4 s of the 2 s that it takes, and goes on after the
+/// reset. The verdict on a frame with 1 % that is sent `after` the node has begun; the lower source commands 0 %.
+fn received_before_and_after_a_reset(after: u64) -> Result<(), String> {
+    const BEGINS: u64 = RESET + 50 * MS;
+    let config = Ecu::Amt.with(|s| {
+        s.timeouts.rc = Duration::from_millis(200);
+        s.recover_after = Duration::from_secs(2);
+        s.return_within = Duration::from_ticks(0);
+        s.takeover.within = Duration::from_ticks(0);
+    });
+    let (Demand::Throttle(idle), Demand::Throttle(half)) = (percent(0), percent(50)) else { unreachable!() };
+    let mut judge = Oracle::new(config, false, 36_000, 100_000);
+    let commands = |origin, command| Input::Commanded(origin, command, Ok(Accepted::InForce));
+    judge.input(0, commands(Origin::Rc, Command::Arm))?;
+    for at in (0..BEGINS + after).step_by((10 * MS) as usize) {
+        let (starts, truth) = started_at_3_s(at);
+        judge.input(at, Input::Truth(truth))?;
+        if at == BEGINS {
+            let retained = Retained::Whole(Some((Origin::Rc, Demand::Throttle(idle), true)));
+            judge.input(at, Input::Boot { retained, down: BEGINS - RESET })?;
+        }
+        let off = (RESET..BEGINS).contains(&at);
+        let order = if starts { Command::Run(Demand::Throttle(idle)) } else { Command::Standby };
+        let received = at < 10 * SECOND || (18_600 * MS..18_970 * MS + SECOND).contains(&at) || at > BEGINS;
+        if received && at % (50 * MS) == 10 * MS {
+            let returned = at > 18 * SECOND;
+            let run = Command::Run(Demand::Throttle(half));
+            judge.input(at, commands(Origin::Rc, if returned { run } else { order }))?;
+        }
+        if !off && at > 5 * SECOND && at % (50 * MS) == 0 {
+            judge.input(at, commands(Origin::Bench, order))?;
+        }
+        if !off && at % (120 * MS) == 0 {
+            let runs = at > 3 * SECOND + 10 * MS;
+            judge.frame(at, Frame::Full(if runs { Switch::Run } else { Switch::Standby }, 0))?;
+        }
+    }
+    judge.frame(BEGINS + after, Frame::Full(Switch::Run, 10)).map(|_| ())
+}
+
+/// The time right before a reset, in which a source is not silent yet, counts as received.
+#[test]
+fn a_source_that_was_lost_counts_as_received_up_to_the_reset() {
+    let verdict = received_before_and_after_a_reset(605 * MS);
+    assert!(verdict.as_ref().is_err_and(|why| why.starts_with("(6)")), "{verdict:?}");
+    assert_eq!(received_before_and_after_a_reset(615 * MS), Ok(()));
 }
