@@ -327,7 +327,7 @@ fn a_lost_demand_is_at_the_fail_safe_a_frame_after_its_ramp() {
     }
 }
 
-/// A source was lost, has been received again for 1.36 s or, with the silence before the reset, 1.4 s of the 2 s that it takes, and goes on after the
+/// A source was lost, has been received again for 1.36 s or, with the silence before the reset, 1.4 s of the 2 s that it takes, and continues after the
 /// reset. The verdict on a frame with 1 % that is sent `after` the node has begun; the lower source commands 0 %.
 fn received_before_and_after_a_reset(after: u64) -> Result<(), String> {
     const BEGINS: u64 = RESET + 50 * MS;
