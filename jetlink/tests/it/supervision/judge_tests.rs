@@ -95,8 +95,7 @@ fn lost_again_before_a_frame(returns: bool, throttle: u16) -> Result<(), String>
             judge.input(at, commands(if starts { Command::Run(percent(0)) } else { Command::Standby }))?;
         }
         if step % 12 == 1 {
-            let runs = at > 3 * SECOND + 10 * MS;
-            judge.frame(at, Frame::Full(if runs { Switch::Run } else { Switch::Standby }, 0))?;
+            judge.frame(at, Frame::Full(if starts { Switch::Run } else { Switch::Standby }, 0))?;
         }
     }
     if returns {
