@@ -77,8 +77,6 @@ pub struct Channel {
 struct Retained {
     memory: &'static RetainedMemory,
     fingerprint: u32,
-    /// Sequence number of the next write.
-    sequence: AtomicU32,
 }
 
 impl core::fmt::Debug for Channel {
@@ -98,7 +96,8 @@ impl Channel {
         let memory = retained.map(|(memory, reset)| {
             let fingerprint = config.fingerprint();
             engine.restore(memory.load(fingerprint, reset));
-            Retained { memory, fingerprint, sequence: AtomicU32::new(memory.next_sequence()) }
+            memory.repair();
+            Retained { memory, fingerprint }
         });
         Self {
             name: config.name,
@@ -149,10 +148,7 @@ impl Channel {
         if let Some(retained) = &self.memory
             && let Some(record) = engine.take_retained()
         {
-            // No atomic addition: the lock is held.
-            let sequence = retained.sequence.load(Ordering::Relaxed);
-            retained.sequence.store(sequence.wrapping_add(1), Ordering::Relaxed);
-            retained.memory.store_next(&record, retained.fingerprint, sequence);
+            retained.memory.store(&record, retained.fingerprint);
         }
     }
 

@@ -1,5 +1,6 @@
 //! State that survives a reset: the order in force, its demand and its source, in memory that start-up does not clear.
-//! Two copies with a checksum and a sequence number: a reset during a write leaves the previous copy intact.
+//! Two copies with a checksum, written one after the other: a reset during a write leaves one of them intact, and damage to
+//! one of them restores nothing older than what the other has.
 //!
 //! RAM may survive a short loss of power, and another image may be flashed over the one that wrote it. Then only the parts
 //! of a record that can stop or preserve an engine are used: [`RetainedState::without_start`].
@@ -13,8 +14,10 @@ use core::sync::atomic::{AtomicU32, Ordering};
 use embassy_time::Duration;
 
 /// Layout number. Change it with the layout, so that the record of an older firmware is discarded.
-const LAYOUT: u32 = 0x4A4C_0006;
+const LAYOUT: u32 = 0x4A4C_0007;
 const WORDS: usize = 8;
+/// Position of the fingerprint.
+const FINGERPRINT: usize = 3;
 /// Resolution of a retained silence, 20 ms, so that a record does not change with every frame.
 pub(super) const SILENCE_STEP: Duration = Duration::from_millis(20);
 const SILENCE_STEPS_MAX: u32 = 0xFFFF;
@@ -211,47 +214,33 @@ impl RetainedMemory {
         Self { copies: [const { [const { AtomicU32::new(0) }; WORDS] }; 2] }
     }
 
-    /// Loads the newer intact copy. `fingerprint` identifies the engine
+    /// Loads the record. `fingerprint` identifies the engine
     /// ([`crate::config::EngineConfig::fingerprint`]); of another engine's record, and after a loss of power, only
     /// [`RetainedState::without_start`] is returned.
     pub fn load(&self, fingerprint: u32, reset: Reset) -> Option<RetainedState> {
-        let (_, words) = self.newest()?;
+        let (_, words) = self.intact()?;
         let record = unpack(words)?;
-        let whole = words[4] == fingerprint && reset == Reset::Warm;
+        let whole = words[FINGERPRINT] == fingerprint && reset == Reset::Warm;
         Some(if whole { record } else { record.without_start() })
     }
 
-    /// Stores a record of the engine with this fingerprint over the older copy.
+    /// Stores a record of the engine with this fingerprint. After a reset, call [`RetainedMemory::repair`] before the first time.
     pub fn store(&self, record: &RetainedState, fingerprint: u32) {
-        self.store_next(record, fingerprint, self.next_sequence());
+        let words = pack(record, fingerprint);
+        for copy in &self.copies {
+            write(copy, &words);
+        }
+        self.flush();
     }
 
-    /// Sequence number of the next write. Its lowest bit selects the copy.
-    pub(crate) fn next_sequence(&self) -> u32 {
-        match self.newest() {
-            Some((place, words)) => {
-                let next = words[1].wrapping_add(1);
-                // Never over the newer copy.
-                if next & 1 == place as u32 { next.wrapping_add(1) } else { next }
-            }
-            None => 0,
-        }
-    }
-
-    /// Stores a record with a sequence number that the writer counts, without reading the copies.
-    pub(crate) fn store_next(&self, record: &RetainedState, fingerprint: u32, sequence: u32) {
-        let place = (sequence & 1) as usize;
-        let words = pack(record, sequence, fingerprint);
-        if let Some(copy) = self.copies.get(place) {
-            for (slot, word) in copy.iter().zip(words) {
-                // Release keeps the order of the writes, for a reset between two of them.
-                slot.store(word, Ordering::Release);
-            }
-        }
-        // An H7 buffers the last half of a 64-bit word, the unit of its RAM's ECC, until the next write elsewhere, and a
-        // reset before that loses it. So rewrite a word of the other copy, which shares no such unit.
-        if let Some(word) = self.copies.get(1 - place).and_then(|copy| copy.first()) {
-            word.store(word.load(Ordering::Acquire), Ordering::Release);
+    /// Makes both copies the record that [`RetainedMemory::load`] returns. A reset may have interrupted the write of one of them, and
+    /// the next reset may interrupt that of the other.
+    pub fn repair(&self) {
+        if let Some((place, words)) = self.intact()
+            && let Some(other) = self.copies.get(1 - place)
+        {
+            write(other, &words);
+            self.flush();
         }
     }
 
@@ -262,19 +251,27 @@ impl RetainedMemory {
         }
     }
 
-    fn newest(&self) -> Option<(usize, [u32; WORDS])> {
-        let whole = |place: usize| {
-            let words = self.copies.get(place)?.each_ref().map(|word| word.load(Ordering::Acquire));
+    /// The first intact copy: its place and its words. The first one is written first, so the second one is never newer.
+    fn intact(&self) -> Option<(usize, [u32; WORDS])> {
+        self.copies.iter().enumerate().find_map(|(place, copy)| {
+            let words = copy.each_ref().map(|word| word.load(Ordering::Acquire));
             (words[0] == LAYOUT && words[WORDS - 1] == checksum(&words)).then_some((place, words))
-        };
-        match (whole(0), whole(1)) {
-            (Some(a), Some(b)) => {
-                // The sequence wraps: the newer is ahead by less than half the range.
-                let b_is_newer = b.1[1].wrapping_sub(a.1[1]) < u32::MAX / 2;
-                Some(if b_is_newer { b } else { a })
-            }
-            (a, b) => a.or(b),
+        })
+    }
+
+    /// An H7 buffers the last half of a 64-bit word, the unit of its RAM's ECC, until the next write elsewhere, and a
+    /// reset before that loses it. So a word of each copy is written again, and each shares no such unit with the other's.
+    fn flush(&self) {
+        for word in self.copies.iter().filter_map(|copy| copy.first()) {
+            word.store(word.load(Ordering::Acquire), Ordering::Release);
         }
+    }
+}
+
+fn write(copy: &[AtomicU32; WORDS], words: &[u32; WORDS]) {
+    for (slot, word) in copy.iter().zip(words) {
+        // Release keeps the order of the writes, for a reset between two of them.
+        slot.store(*word, Ordering::Release);
     }
 }
 
@@ -325,7 +322,7 @@ impl ShortTime {
     }
 }
 
-fn pack(record: &RetainedState, sequence: u32, fingerprint: u32) -> [u32; WORDS] {
+fn pack(record: &RetainedState, fingerprint: u32) -> [u32; WORDS] {
     let (order, value) = match record.order {
         Order::EmergencyStop => (1, 0),
         Order::Standby => (2, 0),
@@ -359,12 +356,12 @@ fn pack(record: &RetainedState, sequence: u32, fingerprint: u32) -> [u32; WORDS]
     };
     let arming = u32::from(record.arm_commanded) | u32::from(record.must_disarm) << 8 | time << 16;
     let value = value.min((1 << DEMAND_BITS) - 1) | all_silent << DEMAND_BITS;
-    let mut words = [LAYOUT, sequence, flags, value, fingerprint, silence, arming, 0];
+    let mut words = [LAYOUT, flags, value, fingerprint, silence, arming, 0, 0];
     words[WORDS - 1] = checksum(&words);
     words
 }
 
-fn unpack([_, _, flags, value, _, silence, arming, _]: [u32; WORDS]) -> Option<RetainedState> {
+fn unpack([_, flags, value, _, silence, arming, _, _]: [u32; WORDS]) -> Option<RetainedState> {
     let all_silent = value >> DEMAND_BITS | silence >> SILENCE_HIGH_AT << SILENCE_LOW;
     let value = value & ((1 << DEMAND_BITS) - 1);
     let order = match flags & 0xF {
@@ -463,70 +460,93 @@ mod tests {
         }
     }
 
-    #[test]
-    fn a_write_that_was_cut_short_leaves_the_record_before() {
-        // After each number of words written, in each of the two places.
-        for before in [run(100), run(200)] {
-            for words in 0..WORDS {
-                let memory = RetainedMemory::new();
-                memory.store(&run(50), OURS);
-                memory.store(&before, OURS);
-                let (place, newest) = memory.newest().unwrap();
-                let next = pack(&run(900), newest[1].wrapping_add(1), OURS);
-                for (slot, word) in memory.copies[1 - place].iter().zip(next).take(words) {
-                    slot.store(word, Ordering::Relaxed);
-                }
-                assert_eq!(load(&memory), Some(before), "{words} words");
-            }
+    /// Both copies, in the order in which they are written.
+    fn words(memory: &RetainedMemory) -> impl Iterator<Item = &AtomicU32> {
+        memory.copies.iter().flatten()
+    }
+
+    /// The first `count` words of a store.
+    fn store_cut(memory: &RetainedMemory, record: &RetainedState, count: usize) {
+        let new = pack(record, OURS);
+        for (slot, word) in words(memory).zip([new, new].into_iter().flatten()).take(count) {
+            slot.store(word, Ordering::Relaxed);
         }
     }
 
     #[test]
-    fn no_write_touches_the_newer_copy() {
-        let words = |memory: &RetainedMemory, place: usize| {
-            memory.copies[place].each_ref().map(|word| word.load(Ordering::Relaxed))
-        };
-        // Whatever was there before: nothing, or a whole record in either place, with a number that fits the place or does not.
-        for before in [None, Some((0, 6)), Some((1, 7)), Some((0, 7)), Some((1, 6)), Some((1, u32::MAX))] {
+    fn a_write_that_was_cut_short_leaves_the_record_before_or_the_new_one() {
+        for count in 0..=2 * WORDS {
             let memory = RetainedMemory::new();
-            if let Some((place, sequence)) = before {
-                for (slot, word) in memory.copies[place].iter().zip(pack(&run(5), sequence, OURS)) {
-                    slot.store(word, Ordering::Relaxed);
-                }
-            }
-            for tenths in 10..15 {
-                let newest = memory.newest();
-                memory.store(&run(tenths), OURS);
-                assert_eq!(load(&memory), Some(run(tenths)), "{before:?}");
-                if let Some((place, was)) = newest {
-                    assert_eq!(words(&memory, place), was, "{before:?} {tenths}");
-                }
-            }
-            memory.clear();
-            assert_eq!(load(&memory), None, "{before:?}: cleared");
+            memory.store(&run(50), OURS);
+            memory.store(&run(100), OURS);
+            store_cut(&memory, &run(900), count);
+            let expected = if count < WORDS { run(100) } else { run(900) };
+            assert_eq!(load(&memory), Some(expected), "{count} words");
         }
     }
 
     #[test]
-    fn a_record_with_one_flipped_bit_is_not_used() {
+    fn two_writes_that_were_cut_short_leave_a_record_if_the_start_between_them_repaired_it() {
+        let mut lost = 0;
+        for (first, second) in
+            (0..=2 * WORDS).flat_map(|first| (0..=2 * WORDS).map(move |second| (first, second)))
+        {
+            let [repaired, not] = [true, false].map(|repairs| {
+                let memory = RetainedMemory::new();
+                memory.store(&run(100), OURS);
+                store_cut(&memory, &run(200), first);
+                if repairs {
+                    memory.repair();
+                }
+                store_cut(&memory, &run(300), second);
+                load(&memory)
+            });
+            let expected = match (first < WORDS, second < WORDS) {
+                (_, false) => run(300),
+                (false, true) => run(200),
+                (true, true) => run(100),
+            };
+            assert_eq!(repaired, Some(expected), "{first}, {second}");
+            lost += usize::from(not.is_none());
+        }
+        assert!(lost > 0, "beside a start without a repair");
+    }
+
+    #[test]
+    fn damage_to_one_copy_restores_nothing_older() {
+        let stop = RetainedState::new(Order::EmergencyStop, Origin::Rc);
+        for (bit, reset) in (0..2 * WORDS * 32).flat_map(|bit| [(bit, Reset::Warm), (bit, Reset::PowerLost)])
+        {
+            let memory = RetainedMemory::new();
+            memory.store(&run(500), OURS);
+            memory.store(&stop, OURS);
+            if let Some(word) = words(&memory).nth(bit / 32) {
+                word.fetch_xor(1 << (bit % 32), Ordering::Relaxed);
+            }
+            assert_eq!(memory.load(OURS, reset), Some(stop), "bit {bit}");
+            memory.repair();
+            let [a, b] =
+                memory.copies.each_ref().map(|copy| copy.each_ref().map(|word| word.load(Ordering::Relaxed)));
+            assert_eq!(a, b, "bit {bit}");
+        }
+    }
+
+    #[test]
+    fn a_record_with_one_flipped_bit_in_each_copy_is_not_used() {
         for bit in 0..WORDS * 32 {
             let memory = RetainedMemory::new();
             memory.store(&run(500), OURS);
-            let (place, _) = memory.newest().unwrap();
-            memory.copies[place][bit / 32].fetch_xor(1 << (bit % 32), Ordering::Relaxed);
-            assert_eq!(load(&memory), None, "bit {bit}");
-        }
-    }
-
-    #[test]
-    fn the_sequence_wraps() {
-        let memory = RetainedMemory::new();
-        for (copy, sequence, tenths) in [(0, u32::MAX, 1), (1, 0, 2)] {
-            for (slot, word) in memory.copies[copy].iter().zip(pack(&run(tenths), sequence, OURS)) {
-                slot.store(word, Ordering::Relaxed);
+            for copy in &memory.copies {
+                copy[bit / 32].fetch_xor(1 << (bit % 32), Ordering::Relaxed);
             }
+            assert_eq!(load(&memory), None, "bit {bit}");
+            memory.repair();
+            assert_eq!(load(&memory), None, "bit {bit}: repaired");
         }
-        assert_eq!(load(&memory), Some(run(2)));
+        let memory = RetainedMemory::new();
+        memory.store(&run(500), OURS);
+        memory.clear();
+        assert_eq!(load(&memory), None, "cleared");
     }
 
     #[test]

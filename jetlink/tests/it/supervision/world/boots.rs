@@ -168,8 +168,16 @@ pub(super) fn reset<const N: usize>(
             }
             Retained::Lost
         }
-        // The power of the node was lost for a moment, and its memory survived that.
-        2 => Retained::PowerLost,
+        // The power of the node was lost for a moment, and its memory survived that, at times with damage to one copy.
+        2 => {
+            for words in memory.iter().map(words) {
+                if rng.percent(50) {
+                    words[rng.below(2 * WORDS as u64) as usize]
+                        .fetch_xor(1 << rng.below(32), Ordering::Relaxed);
+                }
+            }
+            Retained::PowerLost
+        }
         3..6 => {
             let port = rng.below(N as u64) as usize;
             let demand = rigs[port].demand(rng);
@@ -185,17 +193,13 @@ pub(super) fn reset<const N: usize>(
             let before = read();
             let answer = command_as(&owners[port], command, origin);
             let after = read();
-            let written = rng.below(WORDS as u64 + 1) as usize;
-            let copy = (0..2).find(|copy| before[copy * WORDS..][..WORDS] != after[copy * WORDS..][..WORDS]);
-            match copy {
-                Some(copy) if written < WORDS => {
-                    // The reset came before the command was answered: the command does not count.
-                    let retained = words(&memory[port]).iter().zip(before);
-                    for (intent, old) in retained.skip(copy * WORDS + written).take(WORDS - written) {
-                        intent.store(old, Ordering::Relaxed);
-                    }
-                }
-                _ => rigs[port].input(Input::Commanded(origin, command, answer)),
+            // The first copy is written whole before the second one: then the command counts, although its answer got lost.
+            let written = rng.below(2 * WORDS as u64 + 1) as usize;
+            for (intent, old) in words(&memory[port]).iter().zip(before).skip(written) {
+                intent.store(old, Ordering::Relaxed);
+            }
+            if before == after || written >= WORDS {
+                rigs[port].input(Input::Commanded(origin, command, answer));
             }
             Retained::Whole(None)
         }
