@@ -406,8 +406,8 @@ pub fn write_down(history: &mut History, fault: Fault, from_us: u64, to_us: u64)
             add(&mut history.deaf);
         }
         Fault::Stall => {
-            // A reset of the chip frees the transmitter.
-            let freed = history.resets.iter().map(|reset| reset.up).find(|up| (from_us..to_us).contains(up));
+            // A reset of the chip frees the transmitter, but not one that hangs from the end of the reset on.
+            let freed = history.resets.iter().map(|reset| reset.up).find(|up| from_us < *up && *up < to_us);
             match freed {
                 Some(up) => history.deaf.push(from_us, up),
                 None => {

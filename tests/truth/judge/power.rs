@@ -186,7 +186,9 @@ impl Case<'_> {
             let Some(on) = power else { continue };
             let was = before.replace(on);
             let reset = h.resets.iter().rfind(|reset| reset.up <= at && at < reset.up + MS);
-            let lost = reset.is_some_and(|reset| reset.cause == Cause::PowerOn);
+            // Nothing armed it before it began; a command may come in the same instant.
+            let armed_again = h.rules.arming && self.command_log.armed(at);
+            let lost = reset.is_some_and(|reset| reset.cause == Cause::PowerOn) && !armed_again;
             if !on || was == Some(true) && !lost {
                 continue;
             }

@@ -1,6 +1,7 @@
 //! Histories by hand for the judge's rules: the power of starter and ignition.
 
 use super::*;
+use std::cell::Cell;
 
 /// The power of the starter: on with the arming, and these changes afterwards, in seconds.
 fn power(story: Story, changes: &[(f64, Option<bool>)]) -> Story {
@@ -86,6 +87,7 @@ fn starter_of_an_engine_that_is_sent_run_has_power() {
 
 #[test]
 fn reset_keeps_the_power_that_was_and_a_loss_of_power_does_not() {
+    let armed_at = Cell::new(None);
     let reset_at = |down: u64, cause, after: bool, later: &[(f64, Option<bool>)], renamed: bool| {
         let resets = move |h: &mut History| {
             let (down, up) = (down * SECOND, (down + 1) * SECOND);
@@ -95,7 +97,12 @@ fn reset_keeps_the_power_that_was_and_a_loss_of_power_does_not() {
         };
         let [down, up] = [down as f64, (down + 1) as f64];
         let changes = [&[(down, None), (up, Some(after))], later, &[(65.0, Some(false))]].concat();
-        let verdict = power(stopped(ZK5), &changes).with(resets).judged();
+        let story = power(stopped(ZK5), &changes).with(resets);
+        let story = match armed_at.get() {
+            Some(at) => story.once(PILOT, at, PilotCommand::Arm).once(PILOT, 50.0, PilotCommand::Disarm),
+            None => story,
+        };
+        let verdict = story.judged();
         verdict.rules().contains(&Rule::Power)
     };
     let reset = |cause, after, later: &[_]| reset_at(43, cause, after, later, false);
@@ -107,6 +114,13 @@ fn reset_keeps_the_power_that_was_and_a_loss_of_power_does_not() {
     }
     assert!(!reset(Cause::PowerOn, false, &again));
     assert!(reset(Cause::PowerOn, true, &[]));
+    // Armed again by a command in the instant in which the node begins, and one second later.
+    let armed = [44.0, 45.0].map(|at| {
+        armed_at.set(Some(at));
+        reset(Cause::PowerOn, true, &[])
+    });
+    assert_eq!(armed, [false, true]);
+    armed_at.set(None);
     // In flight nothing but the power itself says so where the memory is another engine's.
     let again = [(31.02, Some(true))];
     assert!(reset_at(30, Cause::BrownOut, false, &again, false));

@@ -308,7 +308,8 @@ fn a_reset_frees_a_transmitter_that_hangs() {
         (history.deaf.iter().collect::<Vec<_>>(), history.stalls)
     };
     assert_eq!(written(40.4), (vec![(micros(40.0), micros(40.4))], vec![]));
-    for before_or_after in [39.9, 41.2] {
+    // Also one that ends in the instant in which it begins to hang.
+    for before_or_after in [39.9, 40.0, 41.2] {
         assert_eq!(written(before_or_after), (vec![(micros(40.0), micros(41.0))], vec![micros(41.0)]));
     }
 }
