@@ -169,6 +169,7 @@ pub mod channel;
 pub mod checksum;
 pub mod command;
 pub mod config;
+pub mod copies;
 pub mod ecu;
 pub mod engine;
 pub mod event;

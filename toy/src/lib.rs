@@ -19,6 +19,8 @@ pub mod command;
 pub mod config;
 #[path = "../../jetlink/src/consecutive.rs"]
 mod consecutive;
+#[path = "../../jetlink/src/copies.rs"]
+pub mod copies;
 #[path = "../../jetlink/src/debounce.rs"]
 mod debounce;
 pub mod ecu;

@@ -1,23 +1,21 @@
 //! State that survives a reset: the order in force, its demand and its source, in memory that start-up does not clear.
-//! Two copies with a checksum, written one after the other: a reset during a write leaves one of them intact, and damage to
-//! one of them restores nothing older than what the other has.
+//! A reset during a write leaves the record before or the new one ([`Copies`]).
 //!
 //! RAM may survive a short loss of power, and another image may be flashed over the one that wrote it. Then only the parts
 //! of a record that can stop or preserve an engine are used: [`RetainedState::without_start`].
 
-use crate::checksum::Checksum;
 use crate::command::{Demand, Order, Origin};
+use crate::copies::Copies;
 use crate::event::LossStage;
 use crate::link::LinkRecord;
 use crate::units::{Rpm, Throttle};
-use core::sync::atomic::{AtomicU32, Ordering};
 use embassy_time::Duration;
 
 /// Layout number. Change it with the layout, so that the record of an older firmware is discarded.
-const LAYOUT: u32 = 0x4A4C_0007;
-const WORDS: usize = 8;
+const LAYOUT: u32 = 0x4A4C_0008;
+const WORDS: usize = 5;
 /// Position of the fingerprint.
-const FINGERPRINT: usize = 3;
+const FINGERPRINT: usize = 2;
 /// Resolution of a retained silence, 20 ms, so that a record does not change with every frame.
 pub(super) const SILENCE_STEP: Duration = Duration::from_millis(20);
 const SILENCE_STEPS_MAX: u32 = 0xFFFF;
@@ -194,31 +192,23 @@ impl RetainedState {
 
 /// Memory for one engine's record. Place it where start-up does not clear it. After a power-up its contents are arbitrary,
 /// and the checksum rejects them.
-///
-/// Each copy is a multiple of 32 bytes, so that a write never touches an ECC unit of the other copy.
-#[derive(Debug)]
-#[repr(C, align(32))]
+#[derive(Debug, Default)]
+#[repr(C)]
 pub struct RetainedMemory {
-    copies: [[AtomicU32; WORDS]; 2],
-}
-
-impl Default for RetainedMemory {
-    fn default() -> Self {
-        Self::new()
-    }
+    words: Copies<WORDS, LAYOUT>,
 }
 
 impl RetainedMemory {
     /// Empty.
     pub const fn new() -> Self {
-        Self { copies: [const { [const { AtomicU32::new(0) }; WORDS] }; 2] }
+        Self { words: Copies::new() }
     }
 
     /// Loads the record. `fingerprint` identifies the engine
     /// ([`crate::config::EngineConfig::fingerprint`]); of another engine's record, and after a loss of power, only
     /// [`RetainedState::without_start`] is returned.
     pub fn load(&self, fingerprint: u32, reset: Reset) -> Option<RetainedState> {
-        let (_, words) = self.intact()?;
+        let words = self.words.load()?;
         let record = unpack(words)?;
         let whole = words[FINGERPRINT] == fingerprint && reset == Reset::Warm;
         Some(if whole { record } else { record.without_start() })
@@ -226,57 +216,18 @@ impl RetainedMemory {
 
     /// Stores a record of the engine with this fingerprint. After a reset, call [`RetainedMemory::repair`] before the first time.
     pub fn store(&self, record: &RetainedState, fingerprint: u32) {
-        let words = pack(record, fingerprint);
-        for copy in &self.copies {
-            write(copy, &words);
-        }
-        self.flush();
+        self.words.store(&pack(record, fingerprint));
     }
 
-    /// Makes both copies the record that [`RetainedMemory::load`] returns. A reset may have interrupted the write of one of them, and
-    /// the next reset may interrupt that of the other.
+    /// Repairs a copy that a reset during a write has left damaged ([`Copies::repair`]).
     pub fn repair(&self) {
-        if let Some((place, words)) = self.intact()
-            && let Some(other) = self.copies.get(1 - place)
-        {
-            write(other, &words);
-            self.flush();
-        }
+        self.words.repair();
     }
 
     /// Clears the record: the next start restores nothing.
     pub fn clear(&self) {
-        for word in self.copies.iter().flatten() {
-            word.store(0, Ordering::Release);
-        }
+        self.words.clear();
     }
-
-    /// The first intact copy: its place and its words. The first one is written first, so the second one is never newer.
-    fn intact(&self) -> Option<(usize, [u32; WORDS])> {
-        self.copies.iter().enumerate().find_map(|(place, copy)| {
-            let words = copy.each_ref().map(|word| word.load(Ordering::Acquire));
-            (words[0] == LAYOUT && words[WORDS - 1] == checksum(&words)).then_some((place, words))
-        })
-    }
-
-    /// An H7 buffers the last half of a 64-bit word, the unit of its RAM's ECC, until the next write elsewhere, and a
-    /// reset before that loses it. So a word of each copy is written again, and each shares no such unit with the other's.
-    fn flush(&self) {
-        for word in self.copies.iter().filter_map(|copy| copy.first()) {
-            word.store(word.load(Ordering::Acquire), Ordering::Release);
-        }
-    }
-}
-
-fn write(copy: &[AtomicU32; WORDS], words: &[u32; WORDS]) {
-    for (slot, word) in copy.iter().zip(words) {
-        // Release keeps the order of the writes, for a reset between two of them.
-        slot.store(*word, Ordering::Release);
-    }
-}
-
-fn checksum(words: &[u32; WORDS]) -> u32 {
-    Checksum::new().words(&words[..WORDS - 1]).value()
 }
 
 /// Whole steps of a time.
@@ -356,12 +307,10 @@ fn pack(record: &RetainedState, fingerprint: u32) -> [u32; WORDS] {
     };
     let arming = u32::from(record.arm_commanded) | u32::from(record.must_disarm) << 8 | time << 16;
     let value = value.min((1 << DEMAND_BITS) - 1) | all_silent << DEMAND_BITS;
-    let mut words = [LAYOUT, flags, value, fingerprint, silence, arming, 0, 0];
-    words[WORDS - 1] = checksum(&words);
-    words
+    [flags, value, fingerprint, silence, arming]
 }
 
-fn unpack([_, flags, value, _, silence, arming, _, _]: [u32; WORDS]) -> Option<RetainedState> {
+fn unpack([flags, value, _, silence, arming]: [u32; WORDS]) -> Option<RetainedState> {
     let all_silent = value >> DEMAND_BITS | silence >> SILENCE_HIGH_AT << SILENCE_LOW;
     let value = value & ((1 << DEMAND_BITS) - 1);
     let order = match flags & 0xF {
@@ -460,95 +409,6 @@ mod tests {
         }
     }
 
-    /// Both copies, in the order in which they are written.
-    fn words(memory: &RetainedMemory) -> impl Iterator<Item = &AtomicU32> {
-        memory.copies.iter().flatten()
-    }
-
-    /// The first `count` words of a store.
-    fn store_cut(memory: &RetainedMemory, record: &RetainedState, count: usize) {
-        let new = pack(record, OURS);
-        for (slot, word) in words(memory).zip([new, new].into_iter().flatten()).take(count) {
-            slot.store(word, Ordering::Relaxed);
-        }
-    }
-
-    #[test]
-    fn a_write_that_was_cut_short_leaves_the_record_before_or_the_new_one() {
-        for count in 0..=2 * WORDS {
-            let memory = RetainedMemory::new();
-            memory.store(&run(50), OURS);
-            memory.store(&run(100), OURS);
-            store_cut(&memory, &run(900), count);
-            let expected = if count < WORDS { run(100) } else { run(900) };
-            assert_eq!(load(&memory), Some(expected), "{count} words");
-        }
-    }
-
-    #[test]
-    fn two_writes_that_were_cut_short_leave_a_record_if_the_start_between_them_repaired_it() {
-        let mut lost = 0;
-        for (first, second) in
-            (0..=2 * WORDS).flat_map(|first| (0..=2 * WORDS).map(move |second| (first, second)))
-        {
-            let [repaired, not] = [true, false].map(|repairs| {
-                let memory = RetainedMemory::new();
-                memory.store(&run(100), OURS);
-                store_cut(&memory, &run(200), first);
-                if repairs {
-                    memory.repair();
-                }
-                store_cut(&memory, &run(300), second);
-                load(&memory)
-            });
-            let expected = match (first < WORDS, second < WORDS) {
-                (_, false) => run(300),
-                (false, true) => run(200),
-                (true, true) => run(100),
-            };
-            assert_eq!(repaired, Some(expected), "{first}, {second}");
-            lost += usize::from(not.is_none());
-        }
-        assert!(lost > 0, "beside a start without a repair");
-    }
-
-    #[test]
-    fn damage_to_one_copy_restores_nothing_older() {
-        let stop = RetainedState::new(Order::EmergencyStop, Origin::Rc);
-        for (bit, reset) in (0..2 * WORDS * 32).flat_map(|bit| [(bit, Reset::Warm), (bit, Reset::PowerLost)])
-        {
-            let memory = RetainedMemory::new();
-            memory.store(&run(500), OURS);
-            memory.store(&stop, OURS);
-            if let Some(word) = words(&memory).nth(bit / 32) {
-                word.fetch_xor(1 << (bit % 32), Ordering::Relaxed);
-            }
-            assert_eq!(memory.load(OURS, reset), Some(stop), "bit {bit}");
-            memory.repair();
-            let [a, b] =
-                memory.copies.each_ref().map(|copy| copy.each_ref().map(|word| word.load(Ordering::Relaxed)));
-            assert_eq!(a, b, "bit {bit}");
-        }
-    }
-
-    #[test]
-    fn a_record_with_one_flipped_bit_in_each_copy_is_not_used() {
-        for bit in 0..WORDS * 32 {
-            let memory = RetainedMemory::new();
-            memory.store(&run(500), OURS);
-            for copy in &memory.copies {
-                copy[bit / 32].fetch_xor(1 << (bit % 32), Ordering::Relaxed);
-            }
-            assert_eq!(load(&memory), None, "bit {bit}");
-            memory.repair();
-            assert_eq!(load(&memory), None, "bit {bit}: repaired");
-        }
-        let memory = RetainedMemory::new();
-        memory.store(&run(500), OURS);
-        memory.clear();
-        assert_eq!(load(&memory), None, "cleared");
-    }
-
     #[test]
     fn lost_power_or_another_engine_leaves_nothing_that_starts_or_raises() {
         let memory = RetainedMemory::new();
@@ -577,12 +437,5 @@ mod tests {
             Some(RetainedState { armed: false, ..stop }),
             "a stop stays"
         );
-    }
-
-    #[test]
-    fn copies_share_no_ecc_unit() {
-        let memory = RetainedMemory::new();
-        let [a, b] = memory.copies.each_ref().map(|copy| core::ptr::from_ref(copy).addr());
-        assert_eq!((a % 32, b % 32, b - a), (0, 0, 32));
     }
 }

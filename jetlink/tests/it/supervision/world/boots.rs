@@ -18,12 +18,12 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::task::Poll;
 
 /// Words of one copy of a record.
-const WORDS: usize = 8;
+const WORDS: usize = 6;
 
 /// The words of a record, to leave them as a reset during a write would.
 fn words(memory: &RetainedMemory) -> &[AtomicU32; 2 * WORDS] {
     const { assert!(size_of::<RetainedMemory>() == size_of::<[AtomicU32; 2 * WORDS]>()) };
-    // SAFETY: a `RetainedMemory` is two copies of eight atomic words and nothing else, as the assertion on its size checks, and
+    // SAFETY: a `RetainedMemory` is two copies of six atomic words and nothing else, as the assertion on its size checks, and
     // atomic words may be shared and take any value.
     unsafe { &*std::ptr::from_ref(memory).cast() }
 }
