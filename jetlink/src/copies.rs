@@ -107,33 +107,33 @@ mod tests {
     use super::*;
 
     const N: usize = 7;
-    type Memory = Copies<N, 0x1234_5678>;
+    type Retained = Copies<N, 0x1234_5678>;
 
     fn number(n: u32) -> [u32; N] {
         core::array::from_fn(|place| n.wrapping_mul(0x9E37_79B9) >> place)
     }
 
-    fn places(memory: &Memory) -> impl Iterator<Item = &AtomicU32> {
+    fn places(memory: &Retained) -> impl Iterator<Item = &AtomicU32> {
         memory.copies.iter().flat_map(|copy| copy.words.iter().chain([&copy.checksum]))
     }
 
     const PLACES: usize = 2 * (N + 1);
 
-    fn with(words: &[u32; N]) -> Memory {
-        let memory = Memory::new();
+    fn with(words: &[u32; N]) -> Retained {
+        let memory = Retained::new();
         memory.store(words);
         memory
     }
 
     /// A store that a reset ends after so many words.
-    fn store_cut(memory: &Memory, words: &[u32; N], count: usize) {
+    fn store_cut(memory: &Retained, words: &[u32; N], count: usize) {
         let whole = with(words);
         for (to, from) in places(memory).zip(places(&whole)).take(count) {
             to.store(from.load(Ordering::Relaxed), Ordering::Relaxed);
         }
     }
 
-    fn flip(memory: &Memory, bit: usize) {
+    fn flip(memory: &Retained, bit: usize) {
         if let Some(word) = places(memory).nth(bit / 32) {
             word.fetch_xor(1 << (bit % 32), Ordering::Relaxed);
         }
@@ -141,7 +141,7 @@ mod tests {
 
     #[test]
     fn what_was_stored_last_is_loaded_until_it_is_cleared() {
-        let memory = Memory::new();
+        let memory = Retained::new();
         assert_eq!(memory.load(), None, "empty");
         for n in 0..100 {
             memory.store(&number(n));
@@ -158,7 +158,7 @@ mod tests {
     #[test]
     fn no_content_of_one_value_is_taken_for_words() {
         for fill in [0, u32::MAX, 0xAAAA_AAAA, 0x5555_5555] {
-            let memory = Memory::new();
+            let memory = Retained::new();
             places(&memory).for_each(|word| word.store(fill, Ordering::Relaxed));
             assert_eq!(memory.load(), None, "{fill:x}");
         }
@@ -168,7 +168,7 @@ mod tests {
     fn words_of_another_layout_are_discarded() {
         let other = Copies::<N, 0x1234_5679>::new();
         other.store(&number(1));
-        let memory = Memory::new();
+        let memory = Retained::new();
         let from = other.copies.iter().flat_map(|copy| copy.words.iter().chain([&copy.checksum]));
         places(&memory)
             .zip(from)
