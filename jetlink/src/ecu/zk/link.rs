@@ -77,7 +77,7 @@ impl ZkLink {
             configured_rate: config.rate,
             rate: RateSetting::NotKnown,
             service: ServiceCommand::None,
-            pump: PumpClosing::None,
+            pump: PumpClosing::NotKnown,
             pressure: Pressure::NotKnown,
         }
     }
@@ -278,6 +278,7 @@ impl Link for ZkLink {
                 return Err(Rejected::AboveMaxRpm { max: max.value });
             }
         }
+        self.pump.ordered(now, order);
         let alive = self.status.report.phase.map(|phase| phase.value.is_alive());
         if !self.modes.order(now, order, alive) {
             return Ok(());
@@ -319,6 +320,9 @@ impl Link for ZkLink {
         }
         if self.service.is_pending() {
             return Err(Rejected::Busy);
+        }
+        if service.moves_fuel() {
+            self.pump.may_open();
         }
         self.service = ServiceCommand::waiting(service);
         Ok(())

@@ -3,6 +3,7 @@
 
 use super::codec::{Action, Control, Rate};
 use super::config::Service;
+use crate::command::Order;
 use crate::ecu::Service as AnyService;
 use crate::event::Event;
 use crate::link::Outbox;
@@ -193,6 +194,10 @@ impl RateSetting {
 #[derive(Clone, Copy, Debug)]
 pub(super) enum PumpClosing {
     None,
+    /// Nothing was ordered since the node began: it may be open by a service of before, or be that of a running engine.
+    NotKnown,
+    /// As before, and a standby or a stop was ordered then.
+    AtRest(Instant),
     /// The command is sent in the slot after this one, never before the first frame of a stop.
     Waiting(FramesLeft),
     /// The command is sent in this slot.
@@ -220,12 +225,31 @@ impl PumpClosing {
         matches!(self, Self::Waiting(_) | Self::Due(_) | Self::Sending(_))
     }
 
-    /// A voltage of zero since then shows that the pump is closed: a later one is that of a running engine.
-    pub fn confirm(&mut self, pump: Option<Timed<Reading>>) {
-        if let Self::Unconfirmed(last) = *self
-            && pump.is_some_and(|pump| pump.value.raw == 0 && pump.at >= last + PUMP_CLOSES_WITHIN)
-        {
+    /// Behind the first order, a voltage is that of a pump that was left open, or of a running engine.
+    pub const fn ordered(&mut self, now: Instant, order: Order) {
+        match (&self, order) {
+            (Self::NotKnown, Order::Standby | Order::EmergencyStop) => *self = Self::AtRest(now),
+            (Self::NotKnown | Self::AtRest(_), Order::Run(_) | Order::Pwm) => *self = Self::None,
+            _ => {}
+        }
+    }
+
+    /// A service that was accepted may open it: a voltage from now on is not one of before.
+    pub const fn may_open(&mut self) {
+        if matches!(self, Self::NotKnown | Self::AtRest(_)) {
             *self = Self::None;
+        }
+    }
+
+    /// A voltage of zero since then shows that the pump is closed: a later one is that of a running engine. A pump that has a voltage
+    /// although nothing was opened since the node began is closed.
+    pub fn confirm(&mut self, pump: Option<Timed<Reading>>) {
+        let (Self::Unconfirmed(since) | Self::AtRest(since)) = *self else { return };
+        let Some(pump) = pump.filter(|pump| pump.at >= since + PUMP_CLOSES_WITHIN) else { return };
+        match self {
+            _ if pump.value.raw == 0 => *self = Self::None,
+            Self::AtRest(_) => *self = Self::begin(),
+            _ => {}
         }
     }
 

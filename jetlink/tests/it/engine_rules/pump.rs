@@ -261,3 +261,49 @@ fn the_pump_of_a_running_engine_is_not_closed() {
         }
     }
 }
+
+/// "A pump that was opened is closed ... after a reset": also after a loss of power, of which no record says that it is open. Its
+/// voltage shows that, once the engine is known to be at rest.
+#[test]
+fn a_pump_that_is_found_open_is_closed() {
+    for (voltage, frames) in [(20, 10), (0, 0)] {
+        let mut scenario = Scenario::nothing_received(Ecu::Zk, Ecu::Zk.config());
+        scenario.reports(Reports::Standby);
+        for _ in 0..20 {
+            scenario.bench.receive(&zk_frames::status(2, 0, [50, 60, voltage]));
+            scenario.pass_us(5 * FRAME_PERIOD_US);
+        }
+        assert_eq!(scenario.order(), Order::Standby);
+        assert_eq!(closes(&scenario.bench.bytes()), frames, "{voltage}");
+    }
+}
+
+/// A service that opens the pump as soon as the engine is known to be at rest is not closed as one that was found open.
+#[test]
+fn a_pump_opened_soon_after_the_start_of_the_node_is_not_taken_for_one_that_was_open() {
+    let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
+    scenario.command(action(zk::codec::Action::OpenPump)).unwrap();
+    for _ in 0..10 {
+        scenario.bench.receive(&zk_frames::status(2, 0, [50, 60, 20]));
+        scenario.fly_us(action(zk::codec::Action::OpenPump), Origin::Rc, 2 * FRAME_PERIOD_US);
+    }
+    let frames = scenario.bench.bytes();
+    assert!(frames.contains(&zk_frames::action(12).to_vec()), "it is open");
+    assert_eq!(closes(&frames), 0);
+}
+
+/// An engine found running has a pump voltage. It is not closed in flight, nor by the standby that ends the run before the pump stops.
+#[test]
+fn the_pump_of_an_engine_that_is_found_running_is_not_closed() {
+    let mut scenario = Scenario::nothing_received(Ecu::Zk, Ecu::Zk.config());
+    scenario.reports(Reports::Running);
+    for _ in 0..30 {
+        scenario.bench.receive(&zk_frames::status(2, TURNING, [50, 60, 30]));
+        scenario.fly_us(run(50), Origin::Rc, 5 * FRAME_PERIOD_US);
+    }
+    assert!(matches!(scenario.order(), Order::Run(_)), "{:?}", scenario.order());
+    scenario.fly_us(Command::Standby, Origin::Rc, FRAME_PERIOD_US);
+    scenario.bench.receive(&zk_frames::status(2, TURNING, [50, 60, 30]));
+    scenario.fly_us(Command::Standby, Origin::Rc, SECOND);
+    assert_eq!(closes(&scenario.bench.bytes()), 0);
+}

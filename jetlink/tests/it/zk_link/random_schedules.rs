@@ -104,10 +104,18 @@ proptest! {
     }
 }
 
-/// The frames after a stop are stops.
+/// The frames after a stop are stops, and between them up to ten that close a pump that was found open.
 fn check_stops(frames: &[Vec<u8>], from: Option<usize>) -> Result<(), TestCaseError> {
-    for frame in from.map_or(&[][..], |from| &frames[from..]) {
-        prop_assert_eq!(switch_of(frame), Some(STOP), "{:02x?} behind an emergency stop", frame);
+    let frames = from.map_or(&[][..], |from| &frames[from..]);
+    let closes = |frame: &Vec<u8>| frame[..] == zk::action(13);
+    let mut closed = 0;
+    for (at, frame) in frames.iter().enumerate() {
+        if at > 0 && closes(frame) && !closes(&frames[at - 1]) {
+            closed += 1;
+        } else {
+            prop_assert_eq!(switch_of(frame), Some(STOP), "{:02x?} behind an emergency stop", frame);
+        }
     }
+    prop_assert!(closed <= 10, "{} frames close the pump", closed);
     Ok(())
 }
