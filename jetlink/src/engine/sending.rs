@@ -116,16 +116,30 @@ impl Engine {
             (Order::Standby, switch) => switch != ReportedSwitch::Run,
             (Order::Run(_), switch) => switch == ReportedSwitch::Run,
         });
-        let throttle = report.throttle.filter(|throttle| throttle.age(now) <= REPORT_MAX_AGE);
-        let throttle_obeys = match (self.ordered.order, throttle) {
-            (Order::Run(Demand::Throttle(ordered)), Some(reported))
-                if self.phase() == Some(Phase::Running) && !self.link.status().shutting_down =>
-            {
-                ordered.tenths().abs_diff(reported.value.tenths()) <= OBEY_BAND
-            }
-            _ => true,
-        };
+        let throttle_obeys = self
+            .throttles(now)
+            .is_none_or(|(ordered, reported)| ordered.tenths().abs_diff(reported.tenths()) <= OBEY_BAND);
         switch_obeys && throttle_obeys
+    }
+
+    /// Whether a running ECU reports a throttle that is higher than the ordered one.
+    pub(super) fn throttle_is_above(&self, now: Instant) -> bool {
+        self.throttles(now)
+            .is_some_and(|(ordered, reported)| reported.tenths() > ordered.tenths().saturating_add(OBEY_BAND))
+    }
+
+    /// The ordered and the reported throttle of a running engine.
+    fn throttles(&self, now: Instant) -> Option<(Throttle, Throttle)> {
+        let status = self.link.status();
+        let reported = status.report.throttle.filter(|throttle| throttle.age(now) <= REPORT_MAX_AGE)?;
+        match self.ordered.order {
+            Order::Run(Demand::Throttle(ordered))
+                if self.phase() == Some(Phase::Running) && !status.shutting_down =>
+            {
+                Some((ordered, reported.value))
+            }
+            _ => None,
+        }
     }
 
     /// Orders a hand-over to the ECU's PWM input.

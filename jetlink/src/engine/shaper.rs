@@ -371,6 +371,10 @@ impl Moving {
     }
 }
 
+/// Longest time for which a lower demand that an ECU does not follow explains a fall. Most cuts are shorter; an ECU that never follows
+/// must not hide a flame-out.
+const FOLLOWS_WITHIN: Duration = Duration::from_secs(15);
+
 /// Noise of a stick, 2 %, in per mille of the full range: smaller falls do not count.
 const LOWERED_BY: u32 = 20;
 
@@ -380,17 +384,28 @@ pub(super) struct Lowered {
     /// The highest that the ECU may have been sent last.
     from: Demand,
     at: Instant,
+    /// The ECU was last known not to have followed it then.
+    open_at: Instant,
     falls_until: Option<Instant>,
 }
 
 impl Lowered {
     /// A demand that was lowered before it: a fall of the exhaust is expected for that long.
     pub fn new(now: Instant, demand: Demand, fall_expected: Duration) -> Self {
-        Self { from: demand, at: now, falls_until: now.checked_add(fall_expected) }
+        Self { from: demand, at: now, open_at: now, falls_until: now.checked_add(fall_expected) }
     }
 
+    /// When the demand was lowered, or was last known not to have reached the ECU.
     pub const fn at(&self) -> Instant {
-        self.at
+        self.open_at
+    }
+
+    /// The ECU reports a higher throttle than it was sent: its shaft and its exhaust have yet to fall.
+    pub fn not_followed(&mut self, now: Instant) {
+        if now < self.at + FOLLOWS_WITHIN {
+            self.open_at = now;
+            self.falls_until = now.checked_add(FALL_EXPECTED);
+        }
     }
 
     /// Time for which a fall of the exhaust is expected yet.

@@ -161,8 +161,14 @@ impl Engine {
 
     /// Checks the limits, and whether the ECU obeys.
     pub(super) fn look(&mut self, now: Instant) {
-        let lowered = match &self.mode {
-            Mode::Run(run) => run.lowered.at(),
+        let above = self.throttle_is_above(now);
+        let lowered = match &mut self.mode {
+            Mode::Run(run) => {
+                if above {
+                    run.lowered.not_followed(now);
+                }
+                run.lowered.at()
+            }
             _ => now,
         };
         let supply = self.supply();

@@ -280,6 +280,45 @@ fn zk_a_demand_that_was_lowered_in_a_gap_explains_a_fall_after_it() {
     }
 }
 
+/// A lower demand that does not reach the ECU for a while, which its reported throttle shows, explains a fall when it does; not for
+/// ever, and not where the ECU follows it at once.
+#[test]
+fn a_demand_that_the_ecu_follows_late_explains_a_fall_then() {
+    for ecu in BOTH {
+        for (late, follows, limits) in [
+            (6, false, &[][..]),
+            (6, true, &[LimitKind::FlameOut]),
+            (14, false, &[]),
+            (30, false, &[LimitKind::FlameOut]),
+        ] {
+            let mut scenario = running(ecu, |limits| limits.low_rpm = Limit::NONE);
+            // ZK: in ID 3, between the others.
+            let fly = |scenario: &mut Scenario, percent: u8, reported: u8| {
+                scenario.values.half_percents = reported * 2;
+                if ecu == Ecu::Zk {
+                    let rpm = scenario.values.rpm.unwrap_or_default();
+                    scenario.bench.receive(&zk_frames::status(3, rpm, [reported, 0, 0]));
+                }
+                let _ = scenario.command(run(percent));
+                scenario.pass_us(FRAME_PERIOD_US);
+            };
+            scenario.values.rpm = Some(20_000);
+            for _ in 0..200 {
+                fly(&mut scenario, 80, 80);
+            }
+            for _ in 0..late * 20 {
+                fly(&mut scenario, 20, if follows { 20 } else { 80 });
+            }
+            scenario.bench.events();
+            for i in 1..=30 {
+                scenario.values.rpm = Some((20_000 - i * 8_000 / 30) / 500 * 500);
+                fly(&mut scenario, 20, 20);
+            }
+            assert_eq!(scenario.limits(), limits, "{ecu:?}: after {late} s, follows at once: {follows}");
+        }
+    }
+}
+
 /// AMT error sets carry no shaft speed: a fall due to the demand meanwhile did not happen since the last of them.
 #[test]
 fn amt_a_fall_among_error_sets_is_no_flame_out() {
