@@ -212,7 +212,14 @@ impl Case<'_> {
         let unexplained = lost.iter().filter(|(from, to)| {
             // The settings may have another limit after a reset.
             let reset = h.resets.iter().any(|reset| reset.down < *to);
-            !reset && self.last_lowered(from.saturating_sub(SPOOLS_DOWN), *to).is_none()
+            let before = from.saturating_sub(SPOOLS_DOWN);
+            // Also in steps too small to count by themselves.
+            let shares = || {
+                let frames = h.frames_within(before, *to).iter();
+                frames.filter_map(|frame| frame.sent.demand()).map(|demanded| self.share(demanded))
+            };
+            let sank = shares().last().is_some_and(|last| shares().any(|share| share > last + STEP));
+            !reset && !sank && self.last_lowered(before, *to).is_none()
         });
         Spans::from(&unexplained.collect::<Vec<_>>())
     }
@@ -260,12 +267,19 @@ impl Case<'_> {
                 _ => None,
             };
             let lately = h.commanded(at.saturating_sub(held), at);
+            // The throttle of a governor is no share of a commanded one.
+            let rpm =
+                |commanded: &Commanded| matches!(commanded.command, PilotCommand::Run(Demanded::Rpm(_)));
+            if matches!(demanded, Demanded::Throttle(_)) && lately.iter().any(rpm) {
+                continue;
+            }
             // A demand that is lost is the last of one of them.
             let silent = !lately.iter().any(|commanded| commanded.command.is_received());
             let lost = (0..rules.ages.len())
                 .filter(|_| silent)
                 .filter_map(|source| h.last_command(source, at, |command| share(command).is_some()));
             let wanted = lately.iter().copied().chain(lost).filter_map(|commanded| share(commanded.command));
+            let wanted = wanted.chain(self.held_over_a_reset(at, kind));
             // One that was changed falls, or rises, at its rate.
             let part = h.largest_share(at.saturating_sub(fall + 3 * SECOND), at).unwrap_or(1000);
             let most = wanted.fold(0.0, f64::max) * f64::from(part) / 1000.0;
@@ -290,6 +304,22 @@ impl Case<'_> {
                 reported = at + 10 * SECOND;
             }
         }
+    }
+
+    /// A reset in a silence keeps the demand of the wire, which may still have been on its way to the one that was commanded.
+    fn held_over_a_reset(&self, at: u64, kind: core::mem::Discriminant<Demanded>) -> Option<f64> {
+        let reset = self.h.resets.iter().rev().find(|reset| reset.up <= at)?;
+        if self
+            .h
+            .commanded(reset.down, at.saturating_sub(3 * SECOND))
+            .iter()
+            .any(|commanded| commanded.command.is_received())
+        {
+            return None;
+        }
+        let demanded =
+            self.h.frames_within(0, reset.down).iter().rev().find_map(|frame| frame.sent.demand())?;
+        (core::mem::discriminant(&demanded) == kind).then(|| self.share(demanded))
     }
 
     /// A source commands a throttle, its first command in a long while, while another one commands a throttle and is in control

@@ -2,7 +2,7 @@
 //! stop, and not without a reason.
 
 use super::case::{Case, Rule, seconds};
-use crate::history::{Cause, Frame, MS, PilotCommand, SECOND, Sent, Spans, Switch};
+use crate::history::{Cause, Commanded, Frame, MS, PilotCommand, SECOND, Sent, Spans, Switch};
 use sim::turbine::Phase;
 
 /// Time from a reason until the output follows: the node checks its engine at each event of the world, 50 ms apart or
@@ -187,7 +187,9 @@ impl Case<'_> {
             let was = before.replace(on);
             let reset = h.resets.iter().rfind(|reset| reset.up <= at && at < reset.up + MS);
             // Nothing armed it before it began; a command may come in the same instant.
-            let armed_again = h.rules.arming && self.command_log.armed(at);
+            let arms = |commanded: &Commanded| commanded.command == PilotCommand::Arm;
+            let armed_again = self.command_log.armed(at)
+                && (h.rules.arming || h.commanded(at.saturating_sub(MS), at).iter().any(arms));
             let lost = reset.is_some_and(|reset| reset.cause == Cause::PowerOn) && !armed_again;
             if !on || was == Some(true) && !lost {
                 continue;

@@ -594,6 +594,49 @@ fn a_demand_is_reduced_while_another_engine_has_failed() {
     lost(400).breaks(&[Rule::Reduction]);
 }
 
+/// A reset in a silence keeps what was on the wire, and a governor's throttle is no share of a commanded one.
+#[test]
+fn a_reduction_is_of_what_the_wire_had_before_a_reset_and_never_of_an_rpm() {
+    let reduces = |reset: bool, tenths: u32| {
+        let verdict = flight(ZK5, 40.0)
+            .streams(PILOT, 40.0, 42.0, PilotCommand::Run(Demanded::Throttle(200)))
+            .wire(40.0, 42.0, HALF)
+            .wire(43.0, 60.0, Sent::Full(Switch::Run, tenths))
+            .turbine(40.0, 60.0, Phase::Running, 80_000.0, 500.0)
+            .with(|h| {
+                if reset {
+                    let (down, up) = (42 * SECOND, 42_050 * MS);
+                    h.resets.push(Reset { down, up, cause: Cause::Watchdog });
+                }
+                h.rules.when_other_fails = Some(500);
+                h.other_down = Spans::from(&[(45 * SECOND, 70 * SECOND)]);
+                h.other_failed = h.other_down.clone();
+            })
+            .judged();
+        verdict.rules().contains(&Rule::Reduction)
+    };
+    assert_eq!(
+        [(true, 250), (true, 350), (false, 250)].map(|(reset, tenths)| reduces(reset, tenths)),
+        [false, true, true]
+    );
+    let governed = |then: Demanded| {
+        let verdict = flight(ZK5, 40.0)
+            .streams(PILOT, 40.0, 52.0, PilotCommand::Run(Demanded::Throttle(50)))
+            .streams(PILOT, 52.0, 60.0, PilotCommand::Run(then))
+            .wire(40.0, 52.0, Sent::Full(Switch::Run, 20))
+            .wire(52.5, 60.0, Sent::Full(Switch::Run, 300))
+            .turbine(40.0, 60.0, Phase::Running, 80_000.0, 500.0)
+            .with(|h| {
+                h.rules.when_other_fails = Some(500);
+                h.other_down = Spans::from(&[(45 * SECOND, 70 * SECOND)]);
+                h.other_failed = h.other_down.clone();
+            })
+            .judged();
+        verdict.rules().contains(&Rule::Reduction)
+    };
+    assert_eq!([Demanded::Rpm(80_000), Demanded::Throttle(50)].map(governed), [false, true]);
+}
+
 /// It counts as failed as soon as its node shuts it down without a command, before its turbine is out.
 #[test]
 fn an_engine_may_have_failed_from_its_standby_on() {

@@ -87,9 +87,11 @@ fn starter_of_an_engine_that_is_sent_run_has_power() {
 
 #[test]
 fn reset_keeps_the_power_that_was_and_a_loss_of_power_does_not() {
-    let armed_at = Cell::new(None);
+    let (armed_at, arming) = (Cell::new(None), Cell::new(true));
     let reset_at = |down: u64, cause, after: bool, later: &[(f64, Option<bool>)], renamed: bool| {
+        let arming = arming.get();
         let resets = move |h: &mut History| {
+            h.rules.arming = arming;
             let (down, up) = (down * SECOND, (down + 1) * SECOND);
             h.resets.push(Reset { down, up, cause });
             h.renamed.extend(renamed.then_some(up));
@@ -115,11 +117,15 @@ fn reset_keeps_the_power_that_was_and_a_loss_of_power_does_not() {
     assert!(!reset(Cause::PowerOn, false, &again));
     assert!(reset(Cause::PowerOn, true, &[]));
     // Armed again by a command in the instant in which the node begins, and one second later.
-    let armed = [44.0, 45.0].map(|at| {
-        armed_at.set(Some(at));
-        reset(Cause::PowerOn, true, &[])
-    });
-    assert_eq!(armed, [false, true]);
+    for needed in [true, false] {
+        arming.set(needed);
+        let armed = [44.0, 45.0].map(|at| {
+            armed_at.set(Some(at));
+            reset(Cause::PowerOn, true, &[])
+        });
+        assert_eq!(armed, [false, true], "{needed}");
+    }
+    arming.set(true);
     armed_at.set(None);
     // In flight nothing but the power itself says so where the memory is another engine's.
     let again = [(31.02, Some(true))];

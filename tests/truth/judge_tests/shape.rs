@@ -414,6 +414,17 @@ fn a_flame_that_goes_out_and_a_hot_start_have_the_action_of_their_limit() {
     flame_out(42.9, Some(true)).breaks_beside(&beside, &[]);
     flame_out(45.5, Some(true)).breaks_beside(&beside, &[Rule::Limit]);
     flame_out(45.5, None).breaks_beside(&beside, &[]);
+    // A demand that sinks in steps of 0.2 % explains the fall.
+    let sinks = |h: &mut History| {
+        let frames =
+            h.frames.iter_mut().filter(|frame| frame.at > 36 * SECOND && frame.sent == HALF).enumerate();
+        for (at, frame) in frames {
+            frame.sent = Sent::Full(Switch::Run, 500_u32.saturating_sub(2 * at as u32).max(400));
+        }
+    };
+    let limits = |story: Story| story.judged().rules().contains(&Rule::Limit);
+    assert!(!limits(flame_out(45.5, Some(true)).with(sinks)));
+    assert!(limits(flame_out(45.5, Some(true))));
     let hot = |standby: f64, limit| {
         ready(AMT)
             .streams(PILOT, 4.0, 12.0, run(0))
