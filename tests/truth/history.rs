@@ -431,6 +431,8 @@ pub struct Rules {
     /// The actions for a shaft below an rpm in flight, for an implausible change, and for the supply.
     pub limit_low_rpm: Option<(f64, bool)>,
     pub limit_jump: Option<bool>,
+    /// Another limit that two slow speeds exceed has the fail-safe as its action.
+    pub jump_lowers: bool,
     pub limit_supply: Option<bool>,
     /// A low supply prevents a start.
     pub supply_counts: bool,

@@ -74,6 +74,7 @@ fn rules(kind: Kind) -> Rules {
         limit_hot: None,
         limit_low_rpm: None,
         limit_jump: None,
+        jump_lowers: false,
         limit_supply: None,
         supply_counts: false,
         burning: 300.0,

@@ -303,6 +303,9 @@ fn rules(config: &EngineConfig, ecu: &AnyConfig, count: usize) -> Rules {
             .zip(limit(all.limits.low_rpm.action))
             .map(|(at, standby)| (f64::from(at.get()), standby)),
         limit_jump: limit(all.limits.implausible.action),
+        jump_lowers: [all.limits.flame_out.action, all.limits.low_rpm.action]
+            .into_iter()
+            .any(|action| limit(action) == Some(false)),
         limit_supply: all.limits.supply_low.at.and(limit(all.limits.supply_low.action)),
         supply_counts: all.start.supply_min.is_some(),
         burning: f64::from(all.burning_egt.tenths()) / 10.0,

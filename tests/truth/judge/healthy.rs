@@ -475,8 +475,8 @@ impl Case<'_> {
         let limit_supply = h.rules.limit_supply == Some(false) && h.low_supply.touches(start, at + 1);
         let limit_change = h.rules.limit_change == Some(false)
             && (noise || h.sensor.touches(start, at) || ran.iter().any(out) || !self.live.contains(at));
-        let limit_jump =
-            h.rules.limit_jump == Some(false) && h.jumps.iter().any(|jump| (start..at).contains(jump));
+        let limit_jump = (h.rules.limit_jump == Some(false) || h.rules.jump_lowers)
+            && h.jumps.iter().any(|jump| (start..at).contains(jump));
         limit_jump
             || limit_low
             || limit_supply

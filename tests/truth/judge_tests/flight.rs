@@ -321,6 +321,10 @@ fn a_demand_is_not_held_below_the_commanded_one() {
         |at: u64| story(0).with(move |h| (h.rules.limit_jump, h.jumps) = (Some(false), vec![at * SECOND]));
     jumped(40).breaks_beside(&[Rule::Limit], &[]);
     jumped(10).breaks_beside(&[Rule::Limit], &[Rule::HeldDown]);
+    // Two such speeds are also below the lowest one (500001782).
+    let slow = |at: u64| story(0).with(move |h| (h.rules.jump_lowers, h.jumps) = (true, vec![at * SECOND]));
+    slow(40).passes();
+    slow(10).breaks(&[Rule::HeldDown]);
     // A source whose commands are exactly as far apart as its timeout is lost each time, and a lower one stays in control.
     let seldom = |every: u64| {
         flight(ZK5, 40.0)

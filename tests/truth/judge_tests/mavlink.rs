@@ -112,6 +112,10 @@ fn a_stop_that_is_received_is_commanded_and_no_other() {
     let stop = (5.0, PilotCommand::ShutDown);
     assert!(!with(&[(5.0, Word::Stop)], &[stop]));
     assert!(with(&[(5.0, Word::Stop)], &[]), "ignored");
+    // One behind a damaged frame may be skipped with it (600000143).
+    let behind =
+        |damaged: &[f64]| breaks_behind(damaged, &[&WORDS[..], &[(5.0, Word::Stop)]].concat(), &COMMANDS);
+    assert_eq!([&[4.97][..], &[], &[5.1]].map(behind), [false, true, true]);
     assert!(with(&[], &[stop]), "nobody commanded it");
     assert!(with(&[(5.0, Word::Stop), (6.0, output(0))], &[stop, (6.0, RUN)]), "nobody has started it since");
     assert!(!with(&[(5.0, Word::EmergencyStop)], &[(5.0, PilotCommand::Stop)]));

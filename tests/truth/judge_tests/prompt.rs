@@ -79,6 +79,12 @@ fn damaged_frames_that_keep_the_beat_are_no_gap_in_flight() {
     story(HALF, true).passes();
     story(Sent::Nothing, true).breaks(&[Rule::HeldDown]);
     story(Sent::Nothing, false).passes();
+    // An rpm that is commanded among them waits for the ECU's version (600000579).
+    let rpm = |at: f64| {
+        let story = story(Sent::Nothing, true).once(PILOT, at, PilotCommand::Run(Demanded::Rpm(90_000)));
+        story.judged().rules().contains(&Rule::HeldDown)
+    };
+    assert_eq!([43.9, 49.9].map(rpm), [false, true]);
 }
 
 #[test]
