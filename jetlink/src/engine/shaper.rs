@@ -396,7 +396,7 @@ impl Lowered {
     }
 
     /// When the demand was lowered, or was last known not to have reached the ECU.
-    pub const fn at(&self) -> Instant {
+    pub const fn open_at(&self) -> Instant {
         self.open_at
     }
 

@@ -167,7 +167,7 @@ impl Engine {
                 if above {
                     run.lowered.not_followed(now);
                 }
-                run.lowered.at()
+                run.lowered.open_at()
             }
             _ => now,
         };
