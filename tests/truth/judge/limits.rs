@@ -218,7 +218,7 @@ impl Case<'_> {
                 let frames = h.frames_within(before, *to).iter();
                 frames.filter_map(|frame| frame.sent.demand()).map(|demanded| self.share(demanded))
             };
-            let sank = shares().last().is_some_and(|last| shares().any(|share| share > last + STEP));
+            let sank = shares().next_back().is_some_and(|last| shares().any(|share| share > last + STEP));
             !reset && !sank && self.last_lowered(before, *to).is_none()
         });
         Spans::from(&unexplained.collect::<Vec<_>>())
