@@ -425,7 +425,9 @@ pub fn busy(other: &History) -> Spans {
         let known = two_states(other) + SECOND;
         let known = runs.iter().find_map(|(from, to)| {
             let from = from.max(at);
-            let by = from + known + hidden.within(from, from + known) * 4;
+            // It is seen once the wire to the node is whole.
+            let seen = hidden.last_before(from + 1).map_or(from, |(_, over)| over.max(from));
+            let by = seen + known + hidden.within(seen, seen + known) * 4;
             (from > at && by < to).then_some(by)
         });
         let free = known.unwrap_or(u64::MAX).min(ends + SECOND).max(at + gap);

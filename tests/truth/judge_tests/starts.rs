@@ -2,6 +2,7 @@
 //! be sent.
 
 use super::*;
+use std::cell::Cell;
 
 #[test]
 fn an_ignition_follows_one_sources_own_standby_and_run_while_armed() {
@@ -769,15 +770,23 @@ fn a_start_of_which_no_frame_was_sent_delays_other_engines() {
 /// 51600130: an AMT ECU lights its engine again on the run that is on the wire.
 #[test]
 fn an_engine_that_is_lit_again_delays_other_engines() {
+    let cut = Cell::new(Spans::default());
     let delays = |at: f64, relit: bool| {
-        let story = flight(AMT, 60.0);
+        let story = flight(AMT, 70.0);
         let Story(mut h) = if relit { story.mark(45.0, Mark::Ignition) } else { story };
         for sample in h.samples.iter_mut().filter(|it| relit && (45 * SECOND..55 * SECOND).contains(&it.at)) {
             sample.phase = Phase::FuelRamp;
         }
-        h.end = 60 * SECOND;
+        h.end = 70 * SECOND;
+        h.mute = cut.take();
         h.samples.sort_by_key(|sample| sample.at);
         busy(&h).contains(micros(at))
     };
     assert!(delays(50.0, true) && !delays(50.0, false) && !delays(58.0, true));
+    // Its node sees that it runs once the wire to the node is whole (400000156).
+    let behind_a_cut = [65.5, 69.0].map(|at| {
+        cut.set(Spans::from(&[(50 * SECOND, 65 * SECOND)]));
+        delays(at, true)
+    });
+    assert_eq!(behind_a_cut, [true, false]);
 }
