@@ -96,6 +96,8 @@ struct Receiver {
     crsf: bool,
     stick: Cell<u16>,
     switch: Cell<u16>,
+    /// Channel 6.
+    sixth: Cell<u16>,
     /// The transmitter is on.
     on: Cell<bool>,
     /// The UART reports wrong parity for this byte of each frame.
@@ -108,6 +110,7 @@ impl Receiver {
             crsf,
             stick: Cell::new(IDLE),
             switch: Cell::new(STOP),
+            sixth: Cell::new(1500),
             on: Cell::new(true),
             damages: Cell::new(None),
         }
@@ -121,6 +124,7 @@ impl Receiver {
             Timer::at(next).await;
             let mut channels = [992; 16];
             (channels[2], channels[4]) = (steps(self.stick.get()), steps(self.switch.get()));
+            channels[5] = steps(self.sixth.get());
             let frame = match (self.crsf, self.on.get()) {
                 (true, true) => crsf(channels),
                 (true, false) => continue,
@@ -486,6 +490,34 @@ fn start_that_waits_ends_at_a_gap_of_the_receiver() {
             world.pass_ms(240_000).await;
             let runs = world.engines[1].telemetry().state == EngineState::Running;
             assert_eq!(runs, !gap, "{:?}", world.states());
+        });
+    }
+}
+
+/// The second engine waits for the first, and is handed over meanwhile: the wait ends, also where it is handed back before the first
+/// one runs.
+#[test]
+fn start_that_waits_ends_at_a_hand_over() {
+    let settings = EngineSettings { hand_over: 6, ..EngineSettings::DEFAULT };
+    for handed_over_ms in [0, 200, 2000] {
+        run_with(false, [settings; 2], async |world| {
+            world.receiver.sixth.set(1000);
+            world.pass_ms(2000).await;
+            world.receiver.switch.set(STANDBY);
+            world.until("armed", 30, || world.both(|engine| engine.telemetry().armed)).await;
+            world.until("standby", 60, || world.states() == [EngineState::Standby; 2]).await;
+            world.pass_ms(2000).await;
+            world.receiver.switch.set(RUN);
+            world.until("a wait", 2, || world.engines[1].telemetry().start_waits_until.is_some()).await;
+            world.pass_ms(1000).await;
+            if handed_over_ms > 0 {
+                world.receiver.sixth.set(2000);
+                world.pass_ms(handed_over_ms).await;
+                world.receiver.sixth.set(1000);
+            }
+            world.pass_ms(240_000).await;
+            let runs = world.states().map(|state| state == EngineState::Running);
+            assert_eq!(runs, [true, handed_over_ms == 0], "{handed_over_ms} ms");
         });
     }
 }
