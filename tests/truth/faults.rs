@@ -447,7 +447,10 @@ pub fn write_down(history: &mut History, fault: Fault, from_us: u64, to_us: u64)
             }
             history.forged.push(from_us);
         }
-        Fault::Babble => add(&mut history.mute),
+        Fault::Babble => {
+            add(&mut history.mute);
+            add(&mut history.garbled);
+        }
         Fault::LowSupply => add(&mut history.low_supply),
         Fault::Sensor(_) => add(&mut history.sensor),
         Fault::PwmSignal(true) => add(&mut history.pwm_signal),

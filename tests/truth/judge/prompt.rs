@@ -97,7 +97,8 @@ impl Case<'_> {
             let since = from.saturating_sub(3 * SECOND);
             let runs = |sample: &&Sample| sample.runs() && !sample.hidden && !sample.fault;
             let confirmed = h.samples(to, to + 30 * SECOND).iter().find(runs).map_or(to, |sample| sample.at);
-            let disturbed = [&h.noise, &self.down, &h.pwm, &self.faults];
+            // Which of its bytes form a set is up to the node.
+            let disturbed = [&h.noise, &h.garbled, &self.down, &h.pwm, &self.faults];
             if !self.known_to_run(from)
                 || disturbed.iter().any(|spans| spans.touches(since, confirmed + h.rules.period))
                 || self.blind.touches(to, confirmed)

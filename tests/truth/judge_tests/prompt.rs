@@ -60,6 +60,8 @@ fn a_demand_does_not_rise_before_a_set_has_confirmed_the_engine() {
     // The first reply is unchanged; with a second set that confirms the engine, the demand rises.
     let confirmed = |h: &mut History| h.frames.retain(|f| !(41 * SECOND..41_200 * MS).contains(&f.at));
     assert!(rate(story(520, 40)) && !rate(story(520, 40).with(confirmed)));
+    // Bytes without a pause may form a set that puts the engine in doubt a moment after a reply (500000402).
+    assert!(!rate(story(520, 43).with(|h| h.garbled = Spans::from(&[(40 * SECOND, 41 * SECOND)]))));
 }
 
 #[test]

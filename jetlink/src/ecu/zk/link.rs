@@ -95,7 +95,10 @@ impl ZkLink {
         match status {
             Status::Engine { switch, .. } => self.modes.reported(now, reported(switch)),
             Status::Settings { .. } => self.service.confirm(&self.status.report, &mut self.outbox),
-            Status::Voltages { .. } => self.pump.confirm(self.status.report.pump),
+            Status::Voltages { .. } => {
+                let at_rest = self.status.report.phase.is_some_and(|phase| phase.value.is_stopped());
+                self.pump.confirm(self.status.report.pump, at_rest);
+            }
             Status::Identity { rate, .. } => {
                 self.expect_frames(rate);
                 self.rate.compare(now, self.wanted_rate, rate, &mut self.outbox);

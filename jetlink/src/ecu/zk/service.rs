@@ -242,13 +242,14 @@ impl PumpClosing {
     }
 
     /// A voltage of zero since then shows that the pump is closed: a later one is that of a running engine. A pump that has a voltage
-    /// although nothing was opened since the node began is closed.
-    pub fn confirm(&mut self, pump: Option<Timed<Reading>>) {
+    /// although nothing was opened since the node began is closed, once the ECU reports that its engine is at rest: it may run on without
+    /// having received the standby.
+    pub fn confirm(&mut self, pump: Option<Timed<Reading>>, at_rest: bool) {
         let (Self::Unconfirmed(since) | Self::AtRest(since)) = *self else { return };
         let Some(pump) = pump.filter(|pump| pump.at >= since + PUMP_CLOSES_WITHIN) else { return };
         match self {
             _ if pump.value.raw == 0 => *self = Self::None,
-            Self::AtRest(_) => *self = Self::begin(),
+            Self::AtRest(_) if at_rest => *self = Self::begin(),
             _ => {}
         }
     }

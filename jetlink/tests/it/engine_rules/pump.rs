@@ -307,3 +307,20 @@ fn the_pump_of_an_engine_that_is_found_running_is_not_closed() {
     scenario.fly_us(Command::Standby, Origin::Rc, SECOND);
     assert_eq!(closes(&scenario.bench.bytes()), 0);
 }
+
+/// An engine runs on because the wire to its ECU is cut: its standby was retained, and its pump is not closed before it is at rest.
+#[test]
+fn the_pump_of_an_engine_that_does_not_receive_its_standby_is_not_closed() {
+    for (reports, closed) in [(Reports::Running, 0), (Reports::Standby, 10)] {
+        let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
+        scenario.command(Command::Standby).unwrap();
+        let mut scenario = scenario.reset(Ecu::Zk.config());
+        scenario.reports(reports);
+        for _ in 0..20 {
+            scenario.bench.receive(&zk_frames::status(2, 0, [50, 60, 30]));
+            scenario.pass_us(5 * FRAME_PERIOD_US);
+        }
+        assert_eq!(scenario.order(), Order::Standby);
+        assert_eq!(closes(&scenario.bench.bytes()), closed, "{reports:?}");
+    }
+}
