@@ -24,7 +24,7 @@ fn ends(report: &emulation::Report) -> Vec<Nanos> {
 #[test]
 fn no_byte_is_lost_that_ends_while_a_transmission_ends() {
     let run = || Run::new(&PIXRACER, Image::Release).engines().tap(PORT);
-    let until = 24 * SECOND;
+    let until = 36 * SECOND;
     let alone = run().until(until).go();
     let byte = PIXRACER.port(PORT).byte_ns(alone.wire(PORT).line()).round() as Nanos;
     let mut with_bytes = run();
@@ -56,6 +56,7 @@ fn no_byte_is_lost_that_ends_while_a_transmission_ends() {
         inside.first(),
         inside.last()
     );
-    assert!(inside.first() < Some(&100) && inside.last() > Some(&(LAST - 100)) && widest < Some(12));
+    // The nine bytes that were lost without the workaround ended 828 ns to 839 ns behind it: in any 12 ns, one byte ends.
+    assert!(inside.first() < Some(&100) && inside.last() > Some(&(LAST - 100)) && widest <= Some(12));
     assert!(lost.is_empty(), "lost: {lost:?} ns behind the end of a transmission");
 }
