@@ -246,10 +246,9 @@ impl PumpClosing {
     /// having received the standby.
     pub fn confirm(&mut self, pump: Option<Timed<Reading>>, at_rest: bool) {
         let (Self::Unconfirmed(since) | Self::AtRest(since)) = *self else { return };
-        let Some(pump) = pump.filter(|pump| pump.at >= since + PUMP_CLOSES_WITHIN) else { return };
-        match self {
-            _ if pump.value.raw == 0 => *self = Self::None,
-            Self::AtRest(_) if at_rest => *self = Self::begin(),
+        match (has_voltage(pump, since), &self) {
+            (Some(false), _) => *self = Self::None,
+            (Some(true), Self::AtRest(_)) if at_rest => *self = Self::begin(),
             _ => {}
         }
     }
@@ -257,7 +256,7 @@ impl PumpClosing {
     /// Everything was sent, and the ECU reports a voltage since.
     pub fn has_failed(&self, pump: Option<Timed<Reading>>) -> bool {
         let Self::Unconfirmed(last) = *self else { return false };
-        pump.is_some_and(|pump| pump.value.raw > 0 && pump.at >= last + PUMP_CLOSES_WITHIN)
+        has_voltage(pump, last) == Some(true)
     }
 
     /// Another order is in force: its first frame is sent before the next command.
@@ -271,11 +270,7 @@ impl PumpClosing {
     /// command.
     pub fn frame(&mut self, pump: Option<Timed<Reading>>) -> Option<Control> {
         let (Self::Waiting(left) | Self::Due(left) | Self::Sending(left)) = *self else { return None };
-        // A voltage measured before the pump could have closed confirms nothing.
-        let closed = left.since.is_some_and(|since| {
-            pump.is_some_and(|pump| pump.value.raw == 0 && pump.at >= since + PUMP_CLOSES_WITHIN)
-        });
-        if closed {
+        if left.since.and_then(|since| has_voltage(pump, since)) == Some(false) {
             *self = Self::None;
             return None;
         }
@@ -302,6 +297,11 @@ impl PumpClosing {
             *self = Self::Waiting(left);
         }
     }
+}
+
+/// Whether the pump has a voltage. One measured before the pump could have closed since then says nothing.
+fn has_voltage(pump: Option<Timed<Reading>>, since: Instant) -> Option<bool> {
+    pump.filter(|pump| pump.at >= since + PUMP_CLOSES_WITHIN).map(|pump| pump.value.raw > 0)
 }
 
 /// The atmospheric pressure, for an ECU that requests it (ZK-14).
