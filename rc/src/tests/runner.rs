@@ -181,14 +181,25 @@ impl World<'_, '_> {
     }
 
     async fn start(&self) {
+        self.command_start().await;
+        self.until("running", 240, || self.states() == [EngineState::Running; 2]).await;
+        self.pass_ms(5000).await;
+    }
+
+    /// The second engine's start waits for the first one's.
+    async fn start_of_which_one_waits(&self) {
+        self.command_start().await;
+        self.until("a wait", 2, || self.engines[1].telemetry().start_waits_until.is_some()).await;
+        self.pass_ms(1000).await;
+    }
+
+    async fn command_start(&self) {
         self.pass_ms(2000).await;
         self.receiver.switch.set(STANDBY);
         self.until("armed", 30, || self.both(|engine| engine.telemetry().armed)).await;
         self.until("standby", 60, || self.states() == [EngineState::Standby; 2]).await;
         self.pass_ms(2000).await;
         self.receiver.switch.set(RUN);
-        self.until("running", 240, || self.states() == [EngineState::Running; 2]).await;
-        self.pass_ms(5000).await;
     }
 }
 
@@ -476,14 +487,7 @@ fn a_stick_is_not_calibrated_for_one_engine_while_another_one_turns() {
 fn start_that_waits_ends_at_a_gap_of_the_receiver() {
     for gap in [false, true] {
         run(false, async |world| {
-            world.pass_ms(2000).await;
-            world.receiver.switch.set(STANDBY);
-            world.until("armed", 30, || world.both(|engine| engine.telemetry().armed)).await;
-            world.until("standby", 60, || world.states() == [EngineState::Standby; 2]).await;
-            world.pass_ms(2000).await;
-            world.receiver.switch.set(RUN);
-            world.until("a wait", 2, || world.engines[1].telemetry().start_waits_until.is_some()).await;
-            world.pass_ms(1000).await;
+            world.start_of_which_one_waits().await;
             world.receiver.on.set(!gap);
             world.pass_ms(350).await;
             world.receiver.on.set(true);
@@ -502,14 +506,7 @@ fn start_that_waits_ends_at_a_hand_over() {
     for handed_over_ms in [0, 200, 2000] {
         run_with(false, [settings; 2], async |world| {
             world.receiver.sixth.set(1000);
-            world.pass_ms(2000).await;
-            world.receiver.switch.set(STANDBY);
-            world.until("armed", 30, || world.both(|engine| engine.telemetry().armed)).await;
-            world.until("standby", 60, || world.states() == [EngineState::Standby; 2]).await;
-            world.pass_ms(2000).await;
-            world.receiver.switch.set(RUN);
-            world.until("a wait", 2, || world.engines[1].telemetry().start_waits_until.is_some()).await;
-            world.pass_ms(1000).await;
+            world.start_of_which_one_waits().await;
             if handed_over_ms > 0 {
                 world.receiver.sixth.set(2000);
                 world.pass_ms(handed_over_ms).await;
