@@ -51,6 +51,11 @@ pub enum PilotCommand {
 }
 
 impl PilotCommand {
+    /// It commands a shaft speed.
+    pub const fn is_rpm(self) -> bool {
+        matches!(self, Self::Run(Demanded::Rpm(_)))
+    }
+
     /// A command that makes its source count as commanding the engine.
     pub const fn is_received(self) -> bool {
         matches!(

@@ -157,6 +157,11 @@ impl Story {
         self
     }
 
+    /// Whether this rule has a finding, whatever others have.
+    fn finds(self, rule: Rule) -> bool {
+        self.judged().rules().contains(&rule)
+    }
+
     fn judged(mut self) -> Verdict {
         let h = &mut self.0;
         h.commanded.sort_by_key(|commanded| commanded.at);

@@ -23,7 +23,7 @@ impl CommandLog {
         // A speed that the ECU cannot hold, because another ECU was plugged in, is refused: to the node its source is silent.
         let refused = |commanded: &Commanded| {
             let slow = h.traits().versions && h.version(commanded.at) < 4 && !h.rules.governor;
-            slow && matches!(commanded.command, PilotCommand::Run(Demanded::Rpm(_)))
+            slow && commanded.command.is_rpm()
         };
         for commanded in h.commanded.iter().filter(|commanded| !refused(commanded)) {
             if commanded.command.is_received() || commanded.command == PilotCommand::Nothing {

@@ -92,7 +92,7 @@ impl Case<'_> {
     /// A governor may hold an rpm: its throttle has a rate of its own, the slew is that of the rpm.
     fn holds_rpm(&self, at: u64) -> bool {
         let commands = self.h.commanded(at.saturating_sub(10 * SECOND), at).iter();
-        let rpm = |commanded: &Commanded| matches!(commanded.command, PilotCommand::Run(Demanded::Rpm(_)));
+        let rpm = |commanded: &Commanded| commanded.command.is_rpm();
         self.h.rules.governor && commands.clone().any(rpm)
     }
 
@@ -101,7 +101,7 @@ impl Case<'_> {
         let since = at.saturating_sub(8 * SECOND);
         let mut commands =
             self.h.commanded(since, at).iter().filter(|commanded| commanded.command.is_received());
-        let rpm = |commanded: &Commanded| matches!(commanded.command, PilotCommand::Run(Demanded::Rpm(_)));
+        let rpm = |commanded: &Commanded| commanded.command.is_rpm();
         self.h.rules.governor
             && self.command_log.run_in_control(at).is_some()
             && matches!(self.command_log.run_in_control(since), Some((_, Demanded::Rpm(_))))

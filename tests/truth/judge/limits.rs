@@ -268,8 +268,7 @@ impl Case<'_> {
             };
             let lately = h.commanded(at.saturating_sub(held), at);
             // The throttle of a governor is no share of a commanded one.
-            let rpm =
-                |commanded: &Commanded| matches!(commanded.command, PilotCommand::Run(Demanded::Rpm(_)));
+            let rpm = |commanded: &Commanded| commanded.command.is_rpm();
             if matches!(demanded, Demanded::Throttle(_)) && lately.iter().any(rpm) {
                 continue;
             }
@@ -543,9 +542,7 @@ pub fn failed_for_sure(other: &crate::history::History) -> Spans {
         };
         let stops = |commanded: &&Commanded| match commanded.command {
             PilotCommand::Standby => command_log.in_control(commanded.at).is_none_or(|(source, command)| {
-                source >= commanded.source
-                    || matches!(command, PilotCommand::Run(Demanded::Rpm(_)))
-                    || !commands_for_long(source, commanded.at)
+                source >= commanded.source || command.is_rpm() || !commands_for_long(source, commanded.at)
             }),
             command => matches!(
                 command,

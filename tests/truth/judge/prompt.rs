@@ -132,8 +132,7 @@ impl Case<'_> {
             let before = h.noise.last_before(from).is_some_and(|(_, over)| over + 4 * SECOND > from);
             // A speed continues as ID 7. Once the link and with it the ECU's version are lost, it alternates with ID
             // 0.
-            let rpm =
-                |commanded: &Commanded| matches!(commanded.command, PilotCommand::Run(Demanded::Rpm(_)));
+            let rpm = |commanded: &Commanded| commanded.command.is_rpm();
             let by_rpm = h.frames_within(since, from).iter().any(|frame| matches!(frame.sent, Sent::Rpm(_)))
                 || h.commanded(from, until).iter().any(rpm);
             if before

@@ -450,7 +450,7 @@ fn a_limit_holds_the_demand_of_an_engine_that_was_lit_again() {
     // The order is the previous one, however long the start lasts.
     let held = |limit| {
         let story = lit_again(120.0).with(move |h| h.rules.limit_rpm = Some((limit, false)));
-        story.judged().rules().contains(&Rule::HeldDown)
+        story.finds(Rule::HeldDown)
     };
     assert!(!held(90_000.0) && held(110_000.0));
 }
@@ -542,6 +542,13 @@ fn a_shaft_at_rest_raises_doubt_in_any_frame() {
     story(HALF).with(|h| h.rules.kind = AMT).passes();
 }
 
+/// Another engine has failed in this time, and demands are halved for it.
+fn another_fails(h: &mut History, from_us: u64, to_us: u64) {
+    h.rules.when_other_fails = Some(500);
+    h.other_down = Spans::from(&[(from_us, to_us)]);
+    h.other_failed = h.other_down.clone();
+}
+
 #[test]
 fn a_share_that_is_changed_counts_from_then_on() {
     let story = |changed: u64| {
@@ -553,10 +560,8 @@ fn a_share_that_is_changed_counts_from_then_on() {
             .wire(50.5, 60.0, Sent::Full(Switch::Run, 400))
             .turbine(40.0, 60.0, Phase::Running, 80_000.0, 500.0)
             .with(|h| {
-                h.rules.when_other_fails = Some(500);
                 h.shares.push((changed * SECOND, 800));
-                h.other_down = Spans::from(&[(40 * SECOND, 70 * SECOND)]);
-                h.other_failed = h.other_down.clone();
+                another_fails(h, 40 * SECOND, 70 * SECOND);
             })
     };
     story(50).passes();
@@ -572,9 +577,7 @@ fn a_demand_is_reduced_while_another_engine_has_failed() {
             .wire(41.0, 60.0, Sent::Full(Switch::Run, tenths))
             .turbine(40.0, 60.0, Phase::Running, 80_000.0, 500.0)
             .with(|h| {
-                h.rules.when_other_fails = Some(500);
-                h.other_down = Spans::from(&[(40 * SECOND, 70 * SECOND)]);
-                h.other_failed = h.other_down.clone();
+                another_fails(h, 40 * SECOND, 70 * SECOND);
             })
     };
     story(250).passes();
@@ -589,9 +592,7 @@ fn a_demand_is_reduced_while_another_engine_has_failed() {
             .turbine(40.0, 60.0, Phase::Running, 80_000.0, 500.0)
             .with(|h| {
                 h.rules.fail_safe = 400;
-                h.rules.when_other_fails = Some(500);
-                h.other_down = Spans::from(&[(50 * SECOND, 70 * SECOND)]);
-                h.other_failed = h.other_down.clone();
+                another_fails(h, 50 * SECOND, 70 * SECOND);
             })
     };
     lost(250).passes();
@@ -602,7 +603,7 @@ fn a_demand_is_reduced_while_another_engine_has_failed() {
 #[test]
 fn a_reduction_is_of_what_the_wire_had_before_a_reset_and_never_of_an_rpm() {
     let reduces = |reset: bool, tenths: u32| {
-        let verdict = flight(ZK5, 40.0)
+        flight(ZK5, 40.0)
             .streams(PILOT, 40.0, 42.0, PilotCommand::Run(Demanded::Throttle(200)))
             .wire(40.0, 42.0, HALF)
             .wire(43.0, 60.0, Sent::Full(Switch::Run, tenths))
@@ -612,31 +613,25 @@ fn a_reduction_is_of_what_the_wire_had_before_a_reset_and_never_of_an_rpm() {
                     let (down, up) = (42 * SECOND, 42_050 * MS);
                     h.resets.push(Reset { down, up, cause: Cause::Watchdog });
                 }
-                h.rules.when_other_fails = Some(500);
-                h.other_down = Spans::from(&[(45 * SECOND, 70 * SECOND)]);
-                h.other_failed = h.other_down.clone();
+                another_fails(h, 45 * SECOND, 70 * SECOND);
             })
-            .judged();
-        verdict.rules().contains(&Rule::Reduction)
+            .finds(Rule::Reduction)
     };
     assert_eq!(
         [(true, 250), (true, 350), (false, 250)].map(|(reset, tenths)| reduces(reset, tenths)),
         [false, true, true]
     );
     let governed = |then: Demanded| {
-        let verdict = flight(ZK5, 40.0)
+        flight(ZK5, 40.0)
             .streams(PILOT, 40.0, 52.0, PilotCommand::Run(Demanded::Throttle(50)))
             .streams(PILOT, 52.0, 60.0, PilotCommand::Run(then))
             .wire(40.0, 52.0, Sent::Full(Switch::Run, 20))
             .wire(52.5, 60.0, Sent::Full(Switch::Run, 300))
             .turbine(40.0, 60.0, Phase::Running, 80_000.0, 500.0)
             .with(|h| {
-                h.rules.when_other_fails = Some(500);
-                h.other_down = Spans::from(&[(45 * SECOND, 70 * SECOND)]);
-                h.other_failed = h.other_down.clone();
+                another_fails(h, 45 * SECOND, 70 * SECOND);
             })
-            .judged();
-        verdict.rules().contains(&Rule::Reduction)
+            .finds(Rule::Reduction)
     };
     assert_eq!([Demanded::Rpm(80_000), Demanded::Throttle(50)].map(governed), [false, true]);
 }
@@ -665,9 +660,7 @@ fn a_stick_that_moves_before_a_reduction_ends_does_not_hide_a_jump() {
             .wire(51.0, 60.0, Sent::Full(Switch::Run, 900))
             .turbine(40.0, 60.0, Phase::Running, 80_000.0, 500.0)
             .with(|h| {
-                h.rules.when_other_fails = Some(500);
-                h.other_down = Spans::from(&[(40 * SECOND, 49_980 * MS)]);
-                h.other_failed = h.other_down.clone();
+                another_fails(h, 40 * SECOND, 49_980 * MS);
             })
     };
     story(475).passes();

@@ -104,8 +104,7 @@ fn reset_keeps_the_power_that_was_and_a_loss_of_power_does_not() {
             Some(at) => story.once(PILOT, at, PilotCommand::Arm).once(PILOT, 50.0, PilotCommand::Disarm),
             None => story,
         };
-        let verdict = story.judged();
-        verdict.rules().contains(&Rule::Power)
+        story.finds(Rule::Power)
     };
     let reset = |cause, after, later: &[_]| reset_at(43, cause, after, later, false);
     // The ECU reports that it cools: then it is on again.

@@ -10,10 +10,6 @@ fn sent(tenths: u32) -> Sent {
     Sent::Full(Switch::Run, tenths)
 }
 
-fn found(story: Story, rule: Rule) -> bool {
-    story.judged().rules().contains(&rule)
-}
-
 #[test]
 fn ctf_is_on_the_wire_at_once() {
     let story = |last: Sent| {
@@ -26,7 +22,7 @@ fn ctf_is_on_the_wire_at_once() {
     story(HALF).breaks(&[Rule::Obeyed]);
     // With another source in control, or in noise, it need not be.
     story(HALF).with(|h| h.noise = Spans::from(&[(41 * SECOND, 42_100 * MS)])).passes();
-    assert!(!found(story(HALF).streams(0, 38.0, 45.0, run(500)), Rule::Obeyed));
+    assert!(!story(HALF).streams(0, 38.0, 45.0, run(500)).finds(Rule::Obeyed));
 }
 
 #[test]
@@ -55,7 +51,7 @@ fn a_demand_does_not_rise_before_a_set_has_confirmed_the_engine() {
                 hidden.for_each(|sample| sample.hidden = true);
             })
     };
-    let rate = |story: Story| found(story, Rule::Rate);
+    let rate = |story: Story| story.finds(Rule::Rate);
     assert!(!rate(story(500, 43)) && rate(story(520, 43)));
     // The first reply is unchanged; with a second set that confirms the engine, the demand rises.
     let confirmed = |h: &mut History| h.frames.retain(|f| !(41 * SECOND..41_200 * MS).contains(&f.at));
@@ -84,7 +80,7 @@ fn damaged_frames_that_keep_the_beat_are_no_gap_in_flight() {
     // An rpm that is commanded among them waits for the ECU's version (600000579).
     let rpm = |at: f64| {
         let story = story(Sent::Nothing, true).once(PILOT, at, PilotCommand::Run(Demanded::Rpm(90_000)));
-        story.judged().rules().contains(&Rule::HeldDown)
+        story.finds(Rule::HeldDown)
     };
     assert_eq!([43.9, 49.9].map(rpm), [false, true]);
 }
@@ -113,7 +109,7 @@ fn a_governor_gives_idle_without_speeds_and_no_more_to_a_shaft_that_falls() {
             sample.rpm = 100_000.0 - 8000.0 * (sample.at - 48 * SECOND) as f64 / SECOND as f64;
         }
     };
-    let high = |story: Story| found(story, Rule::HeldUp);
+    let high = |story: Story| story.finds(Rule::HeldUp);
     assert!(!high(governed(sent(400)).with(falls)) && high(governed(sent(450)).with(falls)));
     assert!(!high(governed(sent(450))));
 }
@@ -129,7 +125,7 @@ fn a_source_that_is_close_takes_over_without_a_wait() {
             .turbine(50.0, 60.0, Phase::Running, 100_000.0, 500.0)
             .with(|h| h.rules.takeover = 5 * SECOND)
     };
-    let late = |story: Story| found(story, Rule::TakeOver);
+    let late = |story: Story| story.finds(Rule::TakeOver);
     assert!(!late(story(530, 51.1)) && late(story(530, 52.5)));
     // Another one has to wait.
     assert!(!late(story(580, 55.0)));

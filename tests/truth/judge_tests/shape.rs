@@ -42,7 +42,7 @@ fn a_start_that_nobody_could_see_beginning_has_the_demand_of_before() {
             .mark(48.5, Mark::Ignition)
             .turbine(48.5, 52.0, Phase::FuelRamp, 20_000.0, 400.0)
             .with(move |h| h.noise = Spans::from(&[(noise[0] * SECOND, noise[1] * SECOND)]));
-        !story.judged().rules().contains(&Rule::Rate)
+        !story.finds(Rule::Rate)
     };
     assert!(throttled([42, 44]));
     assert!(!throttled([41, 42]), "it was seen for 6 s");
@@ -323,7 +323,7 @@ fn a_governor_gives_no_more_than_it_may() {
     };
     story(600).passes();
     story(700).breaks(&[Rule::HeldUp]);
-    let over = |story: Story| story.judged().rules().contains(&Rule::HeldUp);
+    let over = |story: Story| story.finds(Rule::HeldUp);
     assert!(over(story(700)));
     // A node that forgets its command continues with the throttle that it finds.
     for (cause, passes) in [(Cause::BrownOut, true), (Cause::Watchdog, false)] {
@@ -336,8 +336,7 @@ fn a_governor_gives_no_more_than_it_may() {
     // The previous throttle of a source that has left does not count either, while an rpm waits to take over.
     let waits = |h: &mut History| {
         let before = |commanded: &mut Commanded| {
-            if commanded.at < 51_800 * MS && matches!(commanded.command, PilotCommand::Run(Demanded::Rpm(_)))
-            {
+            if commanded.at < 51_800 * MS && commanded.command.is_rpm() {
                 commanded.command = PilotCommand::Run(Demanded::Throttle(700));
             }
         };
@@ -422,7 +421,7 @@ fn a_flame_that_goes_out_and_a_hot_start_have_the_action_of_their_limit() {
             frame.sent = Sent::Full(Switch::Run, 500_u32.saturating_sub(2 * at as u32).max(400));
         }
     };
-    let limits = |story: Story| story.judged().rules().contains(&Rule::Limit);
+    let limits = |story: Story| story.finds(Rule::Limit);
     assert!(!limits(flame_out(45.5, Some(true)).with(sinks)));
     assert!(limits(flame_out(45.5, Some(true))));
     let hot = |standby: f64, limit| {
@@ -474,7 +473,7 @@ fn a_demand_moves_at_its_rate_in_all_and_not_from_frame_to_frame() {
         story
     };
     falls(200).passes();
-    assert!(falls(400).judged().rules().contains(&Rule::Rate));
+    assert!(falls(400).finds(Rule::Rate));
     // A lost demand that creeps up.
     let creeps = |per_second: u32| {
         let mut story = runs(flight(ZK5, 40.0), 41.9).with(|h| h.rules.hold = 8 * SECOND);

@@ -130,8 +130,7 @@ fn resets_do_not_keep_a_lost_demand_alive() {
     story(46, 0).passes();
     story(60, 0).breaks(&[Rule::SilentWire]);
     // Without memory the earlier resets do not count.
-    let is_silent =
-        |until, power_on_at| story(until, power_on_at).judged().rules().contains(&Rule::SilentWire);
+    let is_silent = |until, power_on_at| story(until, power_on_at).finds(Rule::SilentWire);
     assert!(is_silent(51, 0) && !is_silent(51, 44_500) && is_silent(58, 44_500));
 }
 
@@ -293,7 +292,7 @@ fn in_silence_an_engine_that_nothing_shows_is_shut_down() {
     // So it is after a gap.
     let shut_down = |from: u64| {
         let gap = |h: &mut History| h.mute = Spans::from(&[(39 * SECOND, 39_400 * MS)]);
-        since(from, false).with(gap).judged().rules().contains(&Rule::ShutDown)
+        since(from, false).with(gap).finds(Rule::ShutDown)
     };
     assert!(!shut_down(38) && shut_down(45));
 }

@@ -108,7 +108,7 @@ fn a_trip_that_clears_while_the_exhaust_is_hot_cannot_be_seen() {
     };
     story(43.5, false).passes();
     story(46.0, true).passes();
-    let ignites = |story: Story| story.judged().rules().contains(&Rule::Ignition);
+    let ignites = |story: Story| story.finds(Rule::Ignition);
     assert!(ignites(story(46.0, false)));
     // A slow fall may be that of an engine that burns.
     let slow =
@@ -165,8 +165,7 @@ fn a_trip_that_clears_while_the_exhaust_is_hot_cannot_be_seen() {
             }
         })
     };
-    let breaks =
-        |clears, degrees_per_s| lowered(clears, degrees_per_s).judged().rules().contains(&Rule::Ignition);
+    let breaks = |clears, degrees_per_s| lowered(clears, degrees_per_s).finds(Rule::Ignition);
     assert!(!breaks(46.0, 20.0));
     assert!(!breaks(56.0, 12.0));
     assert!(breaks(56.0, 20.0));
@@ -196,7 +195,7 @@ fn behind_a_cut_wire_an_amt_ecu_acts_on_its_last_command() {
                 (sample.phase, sample.fault) = (Phase::Cooling, faults);
             }
         });
-        story.judged().rules().contains(&Rule::Ignition)
+        story.finds(Rule::Ignition)
     };
     assert!(!out(38_000, true) && out(38_000, false));
     // The cut is over, and error sets get no reply after it.
@@ -209,7 +208,7 @@ fn behind_a_cut_wire_an_amt_ecu_acts_on_its_last_command() {
                 sample.egt -= 40.0 * sample.at.saturating_sub(40 * SECOND) as f64 / SECOND as f64;
             }
         });
-        story.judged().rules().contains(&Rule::Ignition)
+        story.finds(Rule::Ignition)
     };
     assert!(!behind(true) && behind(false));
 }
@@ -489,7 +488,7 @@ fn an_exhaust_that_falls_ends_the_run_of_an_engine_with_error_sets() {
             h.frames.retain(|frame| !dark.contains(&frame.at));
             h.mute = Spans::from(&[(dark.start, dark.end)]);
         };
-        story(sent_until, false).with(cut).judged().rules().contains(&Rule::RunAtRest)
+        story(sent_until, false).with(cut).finds(Rule::RunAtRest)
     };
     assert_eq!([dark(48.5), dark(56.0)], [false, true]);
     // The lower demand may be the cause: then the exhaust has to be cold, and the thermocouple intact.
@@ -702,7 +701,7 @@ fn a_start_of_a_zk_engine_ends_after_its_time() {
             .turbine(RUNS as f64, 32.0, Phase::Running, 60_000.0, 500.0)
             .with(move |h| h.rules.start_timeout = time * SECOND)
     };
-    let late = |story: Story| story.judged().rules().contains(&Rule::RunAtRest);
+    let late = |story: Story| story.finds(Rule::RunAtRest);
     assert!(!late(story(30)) && late(story(10)));
     // A restart by the ECU in flight has the same time; a flight has none.
     let relit = |time: u64, relight: bool| {
@@ -731,7 +730,7 @@ fn a_start_that_waits_goes_when_it_may() {
             .mark(goes + 0.01, Mark::Ignition)
             .with(move |h| h.other_busy = Spans::from(&[(10 * SECOND, busy * SECOND)]))
     };
-    let granted = |story: Story| !story.judged().rules().contains(&Rule::Granted);
+    let granted = |story: Story| !story.finds(Rule::Granted);
     assert!(granted(story(20.5, 20)) && !granted(story(22.0, 20)) && granted(story(22.0, 25)));
     // Nobody starts: at once.
     assert!(!granted(story(20.5, 11)) && granted(story(12.1, 11)));

@@ -60,7 +60,7 @@ fn is_released(until: f64, change: impl FnOnce(&mut History)) -> bool {
         .wire(45.0, 50.0, STANDBY)
         .turbine(40.0, 50.0, Phase::Cooling, 5000.0, 400.0)
         .with(change);
-    !story.judged().rules().contains(&Rule::Stop)
+    !story.finds(Rule::Stop)
 }
 
 /// While the ECU is silent a release does not count. A frame that no ECU sent is one to the node.
