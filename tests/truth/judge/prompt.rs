@@ -87,7 +87,8 @@ impl Case<'_> {
         self.verdict.count("replies in their window", judged);
     }
 
-    /// In doubt since a gap, a demand does not rise before a set reports that the engine runs.
+    /// In doubt since a gap, a demand does not rise before a set reports that the engine runs. A standby ends the run, and what follows
+    /// belongs to another start.
     fn rises_when_confirmed(&mut self) {
         let h = self.h;
         let long = h.rules.serial_delay.saturating_sub(500 * MS);
@@ -109,7 +110,8 @@ impl Case<'_> {
             let Some(before) = before else { continue };
             let same = |sent: &Demanded| core::mem::discriminant(sent) == core::mem::discriminant(&before);
             let frames = h.frames_within(from + self.gap(), confirmed + h.rules.period);
-            let sent = frames.iter().filter_map(|frame| Some((frame.at, frame.sent.demand().filter(same)?)));
+            let runs = frames.iter().take_while(|frame| frame.sent.switch() != Some(Switch::Standby));
+            let sent = runs.filter_map(|frame| Some((frame.at, frame.sent.demand().filter(same)?)));
             self.verdict.count("replies in doubt that may not rise", sent.clone().count() as u64);
             let high = sent.clone().find(|(_, sent)| self.share(*sent) > self.share(before) + STEP);
             if let Some((at, sent)) = high {

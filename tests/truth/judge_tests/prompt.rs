@@ -58,6 +58,18 @@ fn a_demand_does_not_rise_before_a_set_has_confirmed_the_engine() {
     assert!(rate(story(520, 40)) && !rate(story(520, 40).with(confirmed)));
     // Bytes without a pause may form a set that puts the engine in doubt a moment after a reply (500000402).
     assert!(!rate(story(520, 43).with(|h| h.garbled = Spans::from(&[(40 * SECOND, 41 * SECOND)]))));
+    // The engine went out in the gap, and a start follows (700000460).
+    let ends = |at: u64| {
+        let second = at * SECOND..(at + 1) * SECOND;
+        story(520, 43).with(move |h| {
+            let frames = h.frames.iter_mut().filter(|frame| second.contains(&frame.at));
+            frames.for_each(|frame| frame.sent = STANDBY);
+        })
+    };
+    let in_doubt = |story: Story| {
+        story.judged().findings.iter().any(|found| found.text.contains("no set has confirmed"))
+    };
+    assert!(!in_doubt(ends(41)) && in_doubt(ends(42)));
 }
 
 #[test]
