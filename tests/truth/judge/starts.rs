@@ -347,7 +347,7 @@ impl Case<'_> {
                 // Two sets have to agree that it is too cold for combustion.
                 let since = h.samples(out, at.saturating_sub(2 * h.rules.period + 50 * MS));
                 // Nor can a temperature that is not measured.
-                let unmeasured = h.sensor.contains(out);
+                let unmeasured = |at| h.sensor.contains(at);
                 let up =
                     h.resets.iter().map(|reset| reset.up).filter(|up| *up <= at).max().unwrap_or_default();
                 // Without a flame the shaft keeps turning for a while, and the engine may be reported as
@@ -364,9 +364,11 @@ impl Case<'_> {
                     && !since.is_empty()
                     && since.iter().any(|sample| sample.fault)
                     && before.iter().all(|sample| sample.fault)
-                    && since.iter().all(|sample| sample.egt > h.rules.burning - BURNS || sample.at < counts || unmeasured)
+                    && since.iter().all(|sample| {
+                        sample.egt > h.rules.burning - BURNS || sample.at < counts || unmeasured(sample.at)
+                    })
                     // Nor does a node that is reset again too soon see the exhaust temperature fall.
-                    && (unmeasured
+                    && (unmeasured(out)
                         || self.longest_up(counts, at.saturating_sub(100 * MS)) < 4 * SECOND
                         || self.fallen(counts.max(up), answered).is_none())
             });

@@ -124,6 +124,11 @@ fn a_trip_that_clears_while_the_exhaust_is_hot_cannot_be_seen() {
     };
     cold_from(45.75).passes();
     cold_from(45.6).breaks(&[Rule::Ignition]);
+    // A broken thermocouple hides that it is (710001091).
+    let broken =
+        |from: f64| cold_from(45.6).with(move |h| h.sensor = Spans::from(&[(micros(from), 60 * SECOND)]));
+    broken(45.5).passes();
+    assert!(ignites(broken(45.8)));
     // It acts on what it was sent before the fault cleared, also for a moment after that.
     let cleared = |last_run: u64| {
         story(43.5, false).with(move |h| {
