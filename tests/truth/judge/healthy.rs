@@ -80,8 +80,12 @@ impl Case<'_> {
             all.push(("a limit whose action is standby", Spans::from(&jumps).longer(SETTLES)));
         }
         if h.rules.limit_change == Some(true) {
-            // Implausible changes are seen where values are damaged, or a thermocouple breaks.
-            all.push(("a limit whose action is standby", h.noise.union(&h.sensor).longer(SETTLES)));
+            // Implausible changes are seen where values are damaged, a thermocouple breaks, or two frames follow one another that no
+            // ECU sent.
+            let pairs = h.forged.windows(2).filter(|pair| pair[1] - pair[0] < 2 * h.rules.period);
+            let odd: Vec<_> = pairs.map(|pair| (pair[1], pair[1] + h.rules.period)).collect();
+            let seen = h.noise.union(&h.sensor).union(&Spans::from(&odd));
+            all.push(("a limit whose action is standby", seen.longer(SETTLES)));
         }
         if h.rules.limit_fault == Some(true) {
             let fault = h.times(|sample| sample.runs() && sample.fault);

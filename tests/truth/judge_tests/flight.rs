@@ -525,6 +525,25 @@ fn a_slow_shaft_a_low_supply_and_a_jump_have_the_action_of_their_limit() {
     story(500).passes();
 }
 
+/// Two frames with a speed that no turbine reaches so soon, with this time between them (710000115).
+#[test]
+fn two_odd_speeds_in_a_row_are_a_change_that_no_turbine_makes() {
+    let story = |apart: u64, action: Option<bool>| {
+        flight(AMT, 40.0)
+            .streams(PILOT, 40.0, 41.0, PilotCommand::Run(Demanded::Throttle(500)))
+            .turbine(40.0, 40.1, Phase::Running, 60_000.0, 480.0)
+            .turbine(40.1, 41.0, Phase::Cooling, 50_000.0, 400.0)
+            .wire(40.0, 41.0, STANDBY)
+            .with(move |h| {
+                h.forged = vec![40 * SECOND - apart, 40 * SECOND];
+                h.rules.limit_change = action;
+            })
+            .finds(Rule::ShutDown)
+    };
+    assert!(!story(30 * MS, Some(true)) && story(30 * MS, Some(false)) && story(30 * MS, None));
+    assert!(story(600 * MS, Some(true)), "a true speed lies between them");
+}
+
 #[test]
 fn a_shaft_at_rest_raises_doubt_in_any_frame() {
     let story = |doubt: Sent| {
