@@ -213,12 +213,13 @@ impl Case<'_> {
             // The settings may have another limit after a reset.
             let reset = h.resets.iter().any(|reset| reset.down < *to);
             let before = from.saturating_sub(SPOOLS_DOWN);
-            // Also in steps too small to count by themselves.
-            let shares = || {
-                let frames = h.frames_within(before, *to).iter();
-                frames.filter_map(|frame| frame.sent.demand()).map(|demanded| self.share(demanded))
-            };
-            let sank = shares().next_back().is_some_and(|last| shares().any(|share| share > last + STEP));
+            // Also in steps too small to count by themselves, and if it has risen again since.
+            let demands = h.frames_within(before, *to).iter().filter_map(|frame| frame.sent.demand());
+            let mut highest = 0.0_f64;
+            let sank = demands.map(|demanded| self.share(demanded)).any(|share| {
+                highest = highest.max(share);
+                share + STEP < highest
+            });
             !reset && !sank && self.last_lowered(before, *to).is_none()
         });
         Spans::from(&unexplained.collect::<Vec<_>>())

@@ -427,6 +427,16 @@ fn a_flame_that_goes_out_and_a_hot_start_have_the_action_of_their_limit() {
     let limits = |story: Story| story.finds(Rule::Limit);
     assert!(!limits(flame_out(45.5, Some(true)).with(sinks)));
     assert!(limits(flame_out(45.5, Some(true))));
+    // So does one that sank in such steps and has risen again since (710000398); one that rises explains nothing.
+    let moves = |tenths: fn(u32) -> u32| {
+        let moved = move |h: &mut History| {
+            let frames = h.frames.iter_mut().filter(|frame| frame.at > 40 * SECOND && frame.sent == HALF);
+            (0..).zip(frames).for_each(|(at, frame)| frame.sent = Sent::Full(Switch::Run, tenths(at)));
+        };
+        flame_out(45.5, Some(true)).with(moved)
+    };
+    assert!(!limits(moves(|at| 500 - 2 * at.min(20_u32.saturating_sub(at)))));
+    assert!(limits(moves(|at| 500 + 2 * at.min(20))));
     let hot = |standby: f64, limit| {
         ready(AMT)
             .streams(PILOT, 4.0, 12.0, run(0))
