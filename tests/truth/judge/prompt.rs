@@ -185,10 +185,13 @@ impl Case<'_> {
         let mut found = Vec::new();
         for (from, to) in faults.iter() {
             let since = from + SPEED_IS_OLD + 3 * rules.period + 100 * MS;
-            if !self.known_to_run(from.saturating_sub(SECOND)) || since >= to {
+            // Without a speed an rpm is refused, and the earlier run stays in force: it has to have been commanded before.
+            if !self.known_to_run(from.saturating_sub(SECOND)) || since >= to || !self.governed(from) {
                 continue;
             }
-            for frame in h.frames_within(since, to).iter().filter(|frame| steady(frame.at)) {
+            let throttles = |it: &&Commanded| matches!(it.command, PilotCommand::Run(Demanded::Throttle(_)));
+            let until = h.commanded(from, to).iter().find(throttles).map_or(to, |first| first.at);
+            for frame in h.frames_within(since, until).iter().filter(|frame| steady(frame.at)) {
                 old += 1;
                 if throttle(frame.sent).is_some_and(|tenths| tenths > STEP) {
                     let text =

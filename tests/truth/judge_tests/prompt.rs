@@ -115,6 +115,9 @@ fn a_governor_gives_idle_without_speeds_and_no_more_to_a_shaft_that_falls() {
     governed(IDLE).with(faults).passes();
     governed(sent(400)).passes();
     governed(sent(400)).with(faults).breaks(&[Rule::HeldUp]);
+    // A throttle that was commanded meanwhile stays in force: without a speed the next rpm is refused (710001136).
+    let meanwhile = |at: f64| governed(sent(400)).with(faults).once(PILOT, at, run(400)).finds(Rule::HeldUp);
+    assert_eq!([49.5, 59.8].map(meanwhile), [false, true]);
     let falls = |h: &mut History| {
         for sample in h.samples.iter_mut().filter(|sample| sample.at >= 48 * SECOND) {
             sample.lit = false;
