@@ -20,6 +20,10 @@ const OUTPUT_PART: i64 = PARTS / OUTPUT_PARTS as i64;
 /// Rate of fall of a shaft, in rpm/s, above which fuel no longer accelerates it.
 const FALLING: u32 = 5000;
 
+/// Time over which the last but one speed also shows it. An AMT ECU reports its speed in steps of 500 or 700 rpm, and 500 rpm from one set to
+/// the next are less than [`FALLING`].
+const FALLING_OVER: Duration = Duration::from_millis(400);
+
 /// Sets a throttle for a shaft speed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Governor {
@@ -29,7 +33,9 @@ pub(super) struct Governor {
     wanted: u32,
     /// Throttle that moves there, in the same parts: speeds that come seldom make no large steps.
     output: Ramp,
+    /// The last speed, and the one before it.
     seen: Option<Timed<Rpm>>,
+    before: Option<Timed<Rpm>>,
 }
 
 impl Governor {
@@ -41,6 +47,7 @@ impl Governor {
             wanted: tenths as u32 * OUTPUT_PARTS,
             output: Ramp::new(tenths as u32 * OUTPUT_PARTS, now),
             seen: None,
+            before: None,
         }
     }
 
@@ -59,13 +66,19 @@ impl Governor {
         };
         if self.seen.map(|seen| seen.at) != Some(rpm.at) {
             // Not more than 0.5 s: a gap must not become one big step.
-            let elapsed =
-                self.seen.map_or(Duration::from_ticks(0), |seen| rpm.at.saturating_duration_since(seen.at));
-            let elapsed = elapsed.min(Duration::from_millis(500));
-            let fall = self.seen.map_or(0, |seen| seen.value.get().saturating_sub(rpm.value.get()));
-            let falls = u64::from(fall) * 1_000_000 > u64::from(FALLING) * elapsed.as_micros();
-            self.seen = Some(rpm);
-            self.step(config, target, rpm.value, elapsed, falls && elapsed.as_ticks() > 0);
+            let since = |before: Timed<Rpm>| {
+                rpm.at.saturating_duration_since(before.at).min(Duration::from_millis(500))
+            };
+            let falls = |before: Timed<Rpm>| {
+                let fall = before.value.get().saturating_sub(rpm.value.get());
+                let elapsed = since(before).as_micros();
+                elapsed > 0 && u64::from(fall) * 1_000_000 > u64::from(FALLING) * elapsed
+            };
+            let before = self.before.filter(|before| since(*before) < FALLING_OVER);
+            let falls = self.seen.is_some_and(falls) || before.is_some_and(falls);
+            let elapsed = self.seen.map_or(Duration::from_ticks(0), since);
+            self.before = self.seen.replace(rpm);
+            self.step(config, target, rpm.value, elapsed, falls);
         }
         let rates = Rates { up: Some(u32::from(config.slew) * OUTPUT_PARTS), down: None };
         let next = self.output.follow(now, self.wanted, rates);

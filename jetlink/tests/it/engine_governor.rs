@@ -254,6 +254,29 @@ fn the_governor_never_holds_a_throttle_on_old_telemetry() {
     }
 }
 
+/// An AMT ECU reports its speed in steps of 500 rpm, so that a shaft that falls by 7700 rpm/s seems to fall by 4000 rpm/s from one set to
+/// another now and then. It gets no more fuel there. The control: one that falls by 3500 rpm/s does.
+#[test]
+fn a_falling_shaft_gets_no_more_fuel_where_its_speed_has_steps() {
+    let rises = |falls: u32| {
+        let mut scenario = at(governed(|_| {}), 30, 50_000);
+        scenario.fly_us(target(50_000), Origin::Rc, SECOND);
+        scenario.silent().sent();
+        let period = 125_000;
+        for set in 1..=20 {
+            scenario.values.rpm = Some(50_000 - falls * set / 8);
+            let frame = scenario.ecu.frame(Reports::Running, scenario.values);
+            let _ = scenario.command(target(50_000));
+            let at = scenario.now_us() + period;
+            scenario.bench.rx_at_us(at, &frame);
+        }
+        // The first set shows that the shaft falls.
+        let sent = throttles(&scenario.sent());
+        sent[1..].windows(2).any(|pair| pair[1] > pair[0])
+    };
+    assert_eq!([7700, 3500].map(rises), [false, true]);
+}
+
 /// On a cut line nothing is sent. When it is mended, the governor continues from the throttle that the ECU reports.
 #[test]
 fn the_governor_resumes_where_it_was_when_a_cut_line_is_reconnected() {
