@@ -428,8 +428,8 @@ pub struct Rules {
     pub limit_egt: Option<(f64, bool)>,
     pub limit_rpm: Option<(f64, bool)>,
     pub limit_fault: Option<bool>,
-    /// A limit of how values change has an action: standby, or the fail-safe. No healthy turbine exceeds it.
-    pub limit_change: Option<bool>,
+    /// The action of each limit of how values change: standby, or the fail-safe. No healthy turbine exceeds one.
+    pub limit_changes: [Option<bool>; 4],
     /// The actions for a shaft that runs down, and for an exhaust temperature that rises in a start.
     pub limit_flame: Option<bool>,
     pub limit_hot: Option<bool>,

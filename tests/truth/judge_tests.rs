@@ -69,7 +69,7 @@ fn rules(kind: Kind) -> Rules {
         limit_egt: None,
         limit_rpm: None,
         limit_fault: None,
-        limit_change: None,
+        limit_changes: [None; 4],
         limit_flame: None,
         limit_hot: None,
         limit_low_rpm: None,

@@ -289,14 +289,13 @@ fn rules(config: &EngineConfig, ecu: &AnyConfig, count: usize) -> Rules {
             .zip(limit(all.limits.over_speed.action))
             .map(|(at, standby)| (f64::from(at.get()), standby)),
         limit_fault: limit(all.limits.ecu_fault),
-        limit_change: [
+        limit_changes: [
             all.limits.hot_start.action,
             all.limits.flame_out.action,
             all.limits.low_rpm.action,
             all.limits.implausible.action,
         ]
-        .into_iter()
-        .find_map(limit),
+        .map(limit),
         limit_flame: limit(all.limits.flame_out.action),
         limit_hot: limit(all.limits.hot_start.action),
         limit_low_rpm: (all.limits.low_rpm.at)

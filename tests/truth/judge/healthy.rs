@@ -79,13 +79,9 @@ impl Case<'_> {
             let jumps = h.jumps.iter().map(|jump| (*jump, jump + SECOND)).collect::<Vec<_>>();
             all.push(("a limit whose action is standby", Spans::from(&jumps).longer(SETTLES)));
         }
-        if h.rules.limit_change == Some(true) {
-            // Implausible changes are seen where values are damaged, a thermocouple breaks, or two frames follow one another that no
-            // ECU sent.
-            let pairs = h.forged.windows(2).filter(|pair| pair[1] - pair[0] < 2 * h.rules.period);
-            let odd: Vec<_> = pairs.map(|pair| (pair[1], pair[1] + h.rules.period)).collect();
-            let seen = h.noise.union(&h.sensor).union(&Spans::from(&odd));
-            all.push(("a limit whose action is standby", seen.longer(SETTLES)));
+        if h.rules.limit_changes.contains(&Some(true)) {
+            // Implausible changes are seen where values are damaged, or a thermocouple breaks.
+            all.push(("a limit whose action is standby", h.noise.union(&h.sensor).longer(SETTLES)));
         }
         if h.rules.limit_fault == Some(true) {
             let fault = h.times(|sample| sample.runs() && sample.fault);
@@ -477,7 +473,7 @@ impl Case<'_> {
         let slow = |rpm| noise || ran.iter().any(|sample| sample.lit && sample.rpm < rpm + 1500.0);
         let limit_low = matches!(h.rules.limit_low_rpm, Some((rpm, false)) if slow(rpm));
         let limit_supply = h.rules.limit_supply == Some(false) && h.low_supply.touches(start, at + 1);
-        let limit_change = h.rules.limit_change == Some(false)
+        let limit_change = h.rules.limit_changes.contains(&Some(false))
             && (noise || h.sensor.touches(start, at) || ran.iter().any(out) || !self.live.contains(at));
         let limit_jump = (h.rules.limit_jump == Some(false) || h.rules.jump_lowers)
             && h.jumps.iter().any(|jump| (start..at).contains(jump));

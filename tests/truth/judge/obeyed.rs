@@ -156,7 +156,8 @@ impl Case<'_> {
         let h = self.h;
         let rules = &h.rules;
         // A limit may be exceeded.
-        let limited = [rules.limit_fault, rules.limit_change, rules.limit_supply];
+        let [hot, out, low, jump] = rules.limit_changes;
+        let limited = [rules.limit_fault, hot, out, low, jump, rules.limit_supply];
         if limited.iter().any(Option::is_some) {
             return;
         }

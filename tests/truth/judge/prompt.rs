@@ -164,7 +164,7 @@ impl Case<'_> {
             || rules.limit_fault.is_some()
             || rules.limit_low_rpm.is_some()
             || rules.limit_supply.is_some()
-            || rules.limit_change.is_some();
+            || rules.limit_changes != [None; 4];
         if !rules.governor || limited {
             return;
         }

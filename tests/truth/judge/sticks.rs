@@ -158,7 +158,7 @@ impl Case<'_> {
         let limits = rules.limit_egt.is_none()
             && rules.limit_rpm.is_none()
             && rules.limit_fault.is_none()
-            && rules.limit_change.is_none();
+            && rules.limit_changes == [None; 4];
         let quiet = !self.hidden.touches(from, at)
             && !self.blind.touches(from, at)
             && !self.faults.touches(from, at)

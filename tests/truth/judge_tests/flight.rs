@@ -439,13 +439,13 @@ fn a_limit_holds_the_demand_of_an_engine_that_was_lit_again() {
             .turbine(runs, end, Phase::Running, 50_000.0, 450.0)
     };
     let story = || lit_again(60.0);
-    story().with(|h| h.rules.limit_change = Some(false)).passes();
+    story().with(|h| h.rules.limit_changes = [Some(false); 4]).passes();
     // Idle calibration may be reported as running.
     let learning = |h: &mut History| {
         let out = h.samples.iter_mut().filter(|s| s.at >= 40 * SECOND && s.at < 42 * SECOND);
         out.for_each(|s| s.phase = Phase::LearningIdle);
     };
-    story().with(|h| h.rules.limit_change = Some(false)).with(learning).passes();
+    story().with(|h| h.rules.limit_changes = [Some(false); 4]).with(learning).passes();
     story().breaks(&[Rule::HeldDown]);
     // The order is the previous one, however long the start lasts.
     let held = |limit| {
@@ -516,7 +516,7 @@ fn a_slow_shaft_a_low_supply_and_a_jump_have_the_action_of_their_limit() {
     let jump = |standby: bool| {
         move |h: &mut History| {
             h.rules.limit_jump = Some(standby);
-            h.rules.limit_change = Some(standby);
+            h.rules.limit_changes = [Some(standby); 4];
             h.jumps.push(40 * SECOND);
         }
     };
@@ -525,23 +525,25 @@ fn a_slow_shaft_a_low_supply_and_a_jump_have_the_action_of_their_limit() {
     story(500).passes();
 }
 
-/// Two frames with a speed that no turbine reaches so soon, with this time between them (710000115).
+/// Odd values, while another limit of how values change has another action (710000115).
 #[test]
-fn two_odd_speeds_in_a_row_are_a_change_that_no_turbine_makes() {
-    let story = |apart: u64, action: Option<bool>| {
+fn each_limit_of_how_values_change_has_an_action_of_its_own() {
+    let story = |actions: [Option<bool>; 2]| {
         flight(AMT, 40.0)
             .streams(PILOT, 40.0, 41.0, PilotCommand::Run(Demanded::Throttle(500)))
             .turbine(40.0, 40.1, Phase::Running, 60_000.0, 480.0)
             .turbine(40.1, 41.0, Phase::Cooling, 50_000.0, 400.0)
             .wire(40.0, 41.0, STANDBY)
             .with(move |h| {
-                h.forged = vec![40 * SECOND - apart, 40 * SECOND];
-                h.rules.limit_change = action;
+                h.noise = Spans::from(&[(40 * SECOND - 30 * MS, 40 * SECOND)]);
+                // That of a hot start, and of an implausible change.
+                h.rules.limit_changes = [actions[0], None, None, actions[1]];
             })
             .finds(Rule::ShutDown)
     };
-    assert!(!story(30 * MS, Some(true)) && story(30 * MS, Some(false)) && story(30 * MS, None));
-    assert!(story(600 * MS, Some(true)), "a true speed lies between them");
+    let [lowers, stops] = [Some(false), Some(true)];
+    assert!(!story([None, stops]) && !story([lowers, stops]));
+    assert!(story([None, lowers]) && story([None, None]));
 }
 
 #[test]
