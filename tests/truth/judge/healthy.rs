@@ -83,11 +83,21 @@ impl Case<'_> {
             // Implausible changes are seen where values are damaged, or a thermocouple breaks.
             all.push(("a limit whose action is standby", h.noise.union(&h.sensor).longer(SETTLES)));
         }
+        all.push(("AMT, sets that no ECU sent among error sets", self.forged_among_faults().longer(SETTLES)));
         if h.rules.limit_fault == Some(true) {
             let fault = h.times(|sample| sample.runs() && sample.fault);
             all.push(("a limit whose action is standby", fault.longer(SETTLES)));
         }
         all
+    }
+
+    /// From the second of two sets that no ECU sent, where all others are error sets, which have no state: what the two report agrees.
+    pub(super) fn forged_among_faults(&self) -> Spans {
+        let h = self.h;
+        let pairs = h.forged.windows(2).filter(|pair| {
+            self.traits().faults_hide_state && self.faults.within(pair[0], pair[1]) == pair[1] - pair[0]
+        });
+        Spans::from(&pairs.map(|pair| (pair[1], pair[1] + h.rules.period)).collect::<Vec<_>>())
     }
 
     fn exempt_at(&self, from_us: u64, to_us: u64) -> bool {

@@ -73,7 +73,12 @@ impl Case<'_> {
             let lately = known.saturating_sub(self.two_states() + LATE);
             let before = h.samples(lately, at);
             let runs = !before.is_empty() && before.iter().all(|sample| sample.runs());
-            if !runs || !self.could_know(known) || self.stopped.touches(at.saturating_sub(LATE), at + 1) {
+            let forged = self.forged_among_faults().touches(at.saturating_sub(LATE), at + 1);
+            if !runs
+                || !self.could_know(known)
+                || forged
+                || self.stopped.touches(at.saturating_sub(LATE), at + 1)
+            {
                 continue;
             }
             let lost = begins.is_some_and(|reset| reset.cause == Cause::PowerOn);
