@@ -211,9 +211,12 @@ impl Case<'_> {
                 .iter()
                 .any(|command| matches!(command.command, PilotCommand::Disarm | PilotCommand::Release));
             let armed = self.command_log.surely_armed(since) && self.command_log.surely_armed(due);
-            // A start that waits ends with its source.
+            // A start that waits ends with its source, and goes with the next run that it commands.
+            let again = h.commanded(due - GRANTED, due).iter();
+            let again = again.filter(|again| again.source == commanded.source);
             let fresh = !waits
-                || self.command_log.commands_since(commanded.source, due).is_some_and(|from| from < at);
+                || again.clone().any(|again| matches!(again.command, PilotCommand::Run(_)))
+                    && self.command_log.commands_since(commanded.source, due).is_some_and(|from| from < at);
             let samples = h.samples(since, at);
             let cold = samples.iter().all(|sample| {
                 sample.phase == Phase::Standby && sample.egt < rules.egt_max - 10.0 && sample.flow == 0.0

@@ -739,6 +739,14 @@ fn a_start_that_waits_goes_when_it_may() {
     assert!(granted(story(20.5, 20)) && !granted(story(22.0, 20)) && granted(story(22.0, 25)));
     // Nobody starts: at once.
     assert!(!granted(story(20.5, 11)) && granted(story(12.1, 11)));
+    // It goes with the next command of its source (712201767).
+    let silent_from = |at: f64| {
+        story(25.0, 20).with(move |h| {
+            h.rules.ages[PILOT] = 5 * SECOND;
+            h.commanded.retain(|commanded| commanded.at < micros(at));
+        })
+    };
+    assert!(granted(silent_from(19.8)) && !granted(silent_from(20.5)));
 }
 
 /// 50600090: a start that was ordered and shut down between two AMT sets. The time until another engine's start counts from it.
