@@ -85,7 +85,8 @@ impl Telemetry {
         self.current(self.report.rpm).map(|rpm| rpm.get() >= REST_RPM)
     }
 
-    /// Whether the engine turns, or is ordered to.
+    /// Whether the engine turns, or is ordered to. One that is no longer received, or of which only error sets are, counts as turning if
+    /// its last shaft speed was 1000 rpm or above.
     pub fn turns(&self) -> bool {
         let ordered = matches!(self.ordered.order, Order::Run(_) | Order::Doubt(_) | Order::Pwm);
         let state = matches!(
@@ -95,7 +96,8 @@ impl Telemetry {
                 | EngineState::Running
                 | EngineState::ShuttingDown
         );
-        ordered || state || self.shaft_turns() == Some(true)
+        let shaft = self.report.rpm.is_some_and(|rpm| rpm.value.get() >= REST_RPM);
+        ordered || state || shaft
     }
 
     /// What the status LED shows of the engine.

@@ -4,7 +4,7 @@ use super::world::*;
 use crate::calibration::CalibrationError;
 use crate::pilot::Outcome;
 use crate::settings::{EngineSettings, SettingsError};
-use jetlink::command::{Command, Demand, Order, Origin};
+use jetlink::command::{Command, Demand, Order, Ordered, Origin};
 use jetlink::engine::state::EngineState;
 use jetlink::units::Rpm;
 
@@ -47,6 +47,36 @@ fn calibration_takes_the_end_points_and_is_refused_while_the_engine_turns() {
         let mut pilot = world.pilot.borrow_mut();
         assert_eq!(pilot.begin_calibration(), Err(CalibrationError::EngineTurns));
         assert_eq!(pilot.configure(EngineSettings::DEFAULT), Err(SettingsError::EngineTurns));
+    });
+}
+
+/// Both wires are cut, and the node has ordered standby: nothing is received of an engine that turned, and that has not obeyed.
+#[test]
+fn an_engine_that_is_not_received_counts_as_it_was_received_last() {
+    each(async |world| {
+        let both = || {
+            let mut pilot = world.pilot.borrow_mut();
+            let begun = pilot.begin_calibration();
+            pilot.cancel_calibration();
+            (begun, pilot.configure(world.radio.kind.settings()))
+        };
+        let turns = (Err(CalibrationError::EngineTurns), Err(SettingsError::EngineTurns));
+        world.pass_s(5.0).await;
+        world.plug.cut(true);
+        world.pass_s(10.0).await;
+        assert_eq!(both(), (Ok(()), Ok(())), "it was at rest");
+        world.plug.cut(false);
+        world.start().await;
+        world.radio.on.set(false);
+        world.plug.cut(true);
+        let own = Ordered { order: Order::Standby, origin: Origin::Node };
+        world.until("the node's own standby", 60, || world.telemetry().ordered == own).await;
+        world.pass_s(20.0).await;
+        assert_eq!(both(), turns);
+        world.plug.cut(false);
+        world.until("at rest", 400, || world.telemetry().shaft_turns() == Some(false)).await;
+        world.until("cold", 400, || world.state() == EngineState::Standby).await;
+        assert_eq!(both(), (Ok(()), Ok(())));
     });
 }
 
