@@ -303,7 +303,6 @@ pub async fn serve(mavlink: Mavlink, port: EcuPort) {
     };
     let work = select(runner.serve(TELEMETRY_PORT, port.rx, port.tx), save);
     if let Either::First(Request::Reboot) = select(time, work).await {
-        defmt::info!("MAVLink: restarting on command");
-        board::restart();
+        board::leave(|| defmt::info!("MAVLink: restarting on command"));
     }
 }

@@ -54,10 +54,10 @@ pub fn crash(log: impl FnOnce()) -> ! {
     reset(log)
 }
 
-/// Logs and resets, because of something that the firmware has no part in: this start has not failed.
-#[cfg(any(feature = "stm32f4", all(feature = "stm32", not(feature = "ardupilot-bootloader"))))]
+/// Logs and resets, on command, or because of something that the firmware has no part in: this start has not failed.
 pub fn leave(log: impl FnOnce()) -> ! {
     cortex_m::interrupt::disable();
+    #[cfg(feature = "stm32")]
     if jetlink_fw::config::OUTPUTS.is_some() {
         super::starts::leave();
     }

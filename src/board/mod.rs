@@ -5,7 +5,7 @@
 //! `docs/porting.md` describes how to add one.
 //!
 //! Every board provides `NAME`, `PORTS`, `TELEMETRY_PORT`, `INVERTS_RX`, `TWO_STOP_BITS`, `OUTPUTS`, `OUTPUTS_LOW_BEFORE`, `drive_output`, `init`,
-//! `open`, `restart`, `storage`, `start_engine_executor` and the types [`EcuPort`], [`Executor`], [`Led`] and [`Watchdog`]; a board
+//! `open`, `leave`, `storage`, `start_engine_executor` and the types [`EcuPort`], [`Executor`], [`Led`] and [`Watchdog`]; a board
 //! with a chip other than an STM32 implements all of them (`qemu_mps2.rs`).
 
 #[cfg(feature = "stm32")]
@@ -62,6 +62,7 @@ mod wait;
 #[cfg(feature = "stm32")]
 mod watchdog;
 
+pub use crash::leave;
 pub use format::Format;
 #[cfg(feature = "fram")]
 pub use fram::Storage;
@@ -78,7 +79,6 @@ use table::FIRST;
 pub use table::storage;
 #[cfg(feature = "stm32")]
 pub use {
-    early::end as restart,
     embassy_executor::Executor,
     outputs::drive_output,
     port::EcuPort,

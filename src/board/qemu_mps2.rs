@@ -127,11 +127,6 @@ pub fn start_engine_executor() -> SendSpawner {
     ENGINE_EXECUTOR.start(EXECUTOR_INTERRUPT)
 }
 
-/// Ends the firmware with a reset.
-pub fn restart() -> ! {
-    cortex_m::peripheral::SCB::sys_reset()
-}
-
 /// USERLED0. QEMU implements it, but only its trace shows it.
 pub struct Led(());
 

@@ -52,8 +52,7 @@ pub fn crash() {
     CRASHED.set(ms.saturating_add(1).min(LEFT - 1));
 }
 
-/// The firmware ends, and has not failed: the supply or the crystal has. May be called from anywhere.
-#[cfg(any(feature = "stm32f4", not(feature = "ardupilot-bootloader")))]
+/// The firmware ends, and has not failed: a command, the supply or the crystal ends it. May be called from anywhere.
 pub fn leave() {
     CRASHED.set(LEFT);
 }
