@@ -170,7 +170,8 @@ impl Case<'_> {
                 }
                 resets += 1;
                 due += reset.up - reset.down + 400 * MS;
-                if reset.cause != Cause::Watchdog {
+                // How long all have been silent is retained wherever the memory is.
+                if reset.cause == Cause::PowerOn {
                     due = due.max(reset.up + rules.listen + stages + 3 * SECOND);
                 }
             }

@@ -171,6 +171,23 @@ fn with_all_sources_silent_a_demand_that_does_not_reach_the_engine_ends_in_stand
     story(false).breaks(&[Rule::SilentWire, Rule::SilentTurbine]);
 }
 
+/// How long all have been silent is retained over a brown-out, but not over a power-on.
+#[test]
+fn silence_before_a_brown_out_counts() {
+    let story = |cause, standby: f64| {
+        flight(ZK5, 40.0)
+            .with(|h| h.mute = Spans::from(&[(39_800 * MS, 90 * SECOND)]))
+            .with(|h| h.resets.push(Reset { down: 46 * SECOND, up: 46_030 * MS, cause }))
+            .wire(40.0, standby, Sent::Nothing)
+            .wire(standby, 90.0, STANDBY)
+            .turbine(40.0, standby, Phase::Running, 100_000.0, 500.0)
+            .turbine(standby, 90.0, Phase::Cooling, 5000.0, 200.0)
+    };
+    story(Cause::BrownOut, 52.0).passes();
+    story(Cause::PowerOn, 58.0).passes();
+    story(Cause::BrownOut, 58.0).breaks(&[Rule::SilentWire]);
+}
+
 /// With the wire to the ECU cut, standby is not obeyed. A node that has lost its memory continues with the throttle that it finds.
 #[test]
 fn a_node_without_memory_resumes_with_the_throttle_that_it_finds() {
