@@ -547,6 +547,8 @@ pub struct History {
     pub resets: Vec<Reset>,
     /// Ends of resets behind which the engine has another name: what was retained is another engine's.
     pub renamed: Vec<u64>,
+    /// Ends of resets behind which the node has other settings.
+    pub other_settings: Vec<u64>,
     /// The ECU has no power.
     pub unpowered: Spans,
     /// Nothing from the ECU reaches the node.
@@ -616,6 +618,7 @@ impl History {
             marks: Vec::new(),
             resets: Vec::new(),
             renamed: Vec::new(),
+            other_settings: Vec::new(),
             unpowered: Spans::default(),
             mute: Spans::default(),
             deaf: Spans::default(),

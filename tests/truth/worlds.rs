@@ -163,7 +163,8 @@ fn play<const N: usize>(
             Cause::BrownOut => failed.after(Ended::Otherwise),
             Cause::PowerOn => FailedStarts::default(),
         };
-        other_settings ^= ended.is_some_and(|blow| blow.other_settings);
+        let changed = ended.is_some_and(|blow| blow.other_settings);
+        other_settings ^= changed;
         let down_at = now();
         for context in &mut contexts {
             context.release();
@@ -185,6 +186,7 @@ fn play<const N: usize>(
         for context in &mut contexts {
             context.history.resets.push(Reset { down: down_at, up: now(), cause });
             context.history.renamed.extend(other.then(now));
+            context.history.other_settings.extend(changed.then(now));
         }
     }
     contexts.iter_mut().for_each(EngineContext::end);

@@ -2,7 +2,7 @@
 
 use super::case::{Case, Rule, seconds};
 use super::control::{silences, to_fail_safe};
-use crate::history::{Cause, Demanded, Frame, MS, PilotCommand, SECOND, Sent, Switch};
+use crate::history::{Cause, Demanded, Frame, MS, PilotCommand, Reset, SECOND, Sent, Switch};
 use sim::turbine::Phase;
 
 /// Time from a new demand to the turbine's speed.
@@ -106,9 +106,8 @@ impl Case<'_> {
         };
         let short = from_us + self.command_log.age(last.source) + rules.return_within + 300 * MS;
         let again = h.commanded(to_us, to_us).iter().all(|again| again.source == last.source);
-        // Other settings after a reset.
-        let recovers =
-            if h.resets.is_empty() { rules.recover_after } else { rules.recover_after.min(300 * MS) };
+        let changed = h.other_settings.first().is_some_and(|first| *first <= to_us);
+        let recovers = if changed { rules.recover_after.min(300 * MS) } else { rules.recover_after };
         let alone = h
             .commanded(from_us.saturating_sub(30 * SECOND), from_us)
             .iter()
@@ -117,13 +116,19 @@ impl Case<'_> {
         let age = rules.ages.into_iter().max().unwrap_or_default();
         let age = if alone { self.command_log.age(last.source) } else { age };
         let lost = from_us + age + 2 * rules.period + 200 * MS;
-        let until = if again && alone && to_us > short {
-            to_us + recovers.saturating_sub(2 * rules.period + 100 * MS)
-        } else {
-            to_us
-        };
-        let hidden = self.blind.union(&h.noise).union(&h.deaf).union(&self.down);
+        // Behind a reset a source that was lost stays lost, and the time for which it was received is retained in steps.
         let since = from_us.saturating_sub(2 * SECOND);
+        let lost_at = |reset: &&Reset| reset.up > since && reset.down < to_us + recovers;
+        let resets: Vec<&Reset> = h.resets.iter().filter(lost_at).collect();
+        let steps = 2 * rules.period + 100 * MS + 300 * MS * resets.len() as u64;
+        let until =
+            if again && alone && to_us > short { to_us + recovers.saturating_sub(steps) } else { to_us };
+        let retained =
+            |reset: &&&Reset| reset.cause == Cause::Watchdog && reset.down > lost + rules.hold + 300 * MS;
+        let retained = resets.iter().filter(retained).count();
+        let hidden = self.blind.union(&h.noise).union(&h.deaf);
+        let hidden = if retained == resets.len() { hidden } else { hidden.union(&self.down) };
+        self.verdict.count("lost demands over a reset", u64::from(retained > 0 && until > to_us));
         // A source that is present but commands nothing is not lost.
         let present = h.commanded(from_us, to_us).iter().any(|other| other.command == PilotCommand::Nothing);
         if until <= lost || present || rules.governor || h.pwm.touches(since, until) {

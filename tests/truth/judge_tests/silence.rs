@@ -188,6 +188,29 @@ fn silence_before_a_brown_out_counts() {
     story(Cause::BrownOut, 58.0).breaks(&[Rule::SilentWire]);
 }
 
+/// A source that was lost stays lost behind a reset: it has to be received for a while before the demand rises.
+#[test]
+fn a_lost_source_stays_lost_over_a_reset() {
+    let story = |cause, rises: f64| {
+        flight(ZK5, 40.0)
+            .wire(40.0, 41.5, HALF)
+            .ramp(41.5, 500, 0)
+            .wire(42.6, 43.0, IDLE)
+            .with(|h| h.resets.push(Reset { down: 43 * SECOND, up: 43_020 * MS, cause }))
+            .streams(PILOT, 43.3, 50.0, PilotCommand::Run(Demanded::Throttle(500)))
+            .wire(43.45, rises, IDLE)
+            .ramp(rises, 0, 500)
+            .wire(rises + 1.1, 50.0, HALF)
+            .turbine(40.0, 50.0, Phase::Running, 60_000.0, 480.0)
+    };
+    story(Cause::Watchdog, 44.4).passes();
+    story(Cause::Watchdog, 43.5).breaks(&[Rule::SilentWire]);
+    // Nothing says who was lost.
+    story(Cause::BrownOut, 43.5).passes();
+    // With other settings it may be received for a shorter time.
+    story(Cause::Watchdog, 43.5).with(|h| h.other_settings.push(43_020 * MS)).passes();
+}
+
 /// With the wire to the ECU cut, standby is not obeyed. A node that has lost its memory continues with the throttle that it finds.
 #[test]
 fn a_node_without_memory_resumes_with_the_throttle_that_it_finds() {
