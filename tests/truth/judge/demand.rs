@@ -74,8 +74,8 @@ impl Case<'_> {
         false
     }
 
-    /// Since the frame before, nothing was received for longer than a gap, or the transmitter hung, but not until the order was
-    /// given up, and without a reset.
+    /// Since the frame before, nothing was received for longer than a gap, or the transmitter hung, without a reset, or there was a
+    /// reset; but not until the order was given up.
     fn doubted(&self, when: u64, at: u64) -> bool {
         let h = self.h;
         let most =
@@ -87,6 +87,17 @@ impl Case<'_> {
         (gap || hung)
             && !self.down.touches(when.saturating_sub(SECOND), at)
             && !h.noise.touches(when.saturating_sub(SECOND), at)
+            || at - when < most && self.resumed(when, at)
+    }
+
+    /// Since the frame before, the node was reset and kept its memory: the demand rises from the one that was sent, whatever was
+    /// commanded in between.
+    fn resumed(&self, when: u64, at: u64) -> bool {
+        let mut resets = self.h.resets.iter().filter(|reset| reset.up > when && reset.down < at).peekable();
+        resets.peek().is_some()
+            && resets.all(|reset| reset.cause == Cause::Watchdog)
+            && !self.holds_rpm(at)
+            && !self.h.noise.touches(when.saturating_sub(SECOND), at)
     }
 
     /// A governor may hold an rpm: its throttle has a rate of its own, the slew is that of the rpm.

@@ -13,6 +13,26 @@ fn an_ordinary_flight_breaks_no_rule() {
     }
 }
 
+/// What was commanded before a reset, and never sent, is not in force behind it: the demand rises.
+#[test]
+fn a_demand_rises_from_the_one_that_was_sent_before_a_reset() {
+    let story = |cause, jumps: bool| {
+        let full = Sent::Full(Switch::Run, 1000);
+        let story = flight(ZK5, 40.0)
+            .streams(PILOT, 40.0, 50.0, PilotCommand::Run(Demanded::Throttle(1000)))
+            .with(|h| h.resets.push(Reset { down: 40_020 * MS, up: 40_040 * MS, cause }))
+            .turbine(40.0, 50.0, Phase::Running, 100_000.0, 500.0);
+        match jumps {
+            true => story.wire(40.6, 50.0, full),
+            false => story.ramp(40.6, 500, 1000).wire(41.7, 50.0, full),
+        }
+    };
+    story(Cause::Watchdog, false).passes();
+    story(Cause::Watchdog, true).breaks(&[Rule::Rate]);
+    // The memory has no demand.
+    story(Cause::BrownOut, true).passes();
+}
+
 #[test]
 fn a_demand_rises_at_a_rate_unless_a_pilot_moves_the_stick() {
     // The stick was up during the start.
@@ -125,7 +145,7 @@ fn a_node_in_a_reset_loop_cannot_know_that_a_start_has_reached_running() {
             .streams(PILOT, 40.0, 45.0, PilotCommand::Run(Demanded::Throttle(500)))
             .with(|h| h.resets = resets.collect())
     };
-    story(29).breaks_beside(&[Rule::Doubt], &[]);
+    story(29).breaks_beside(&[Rule::Doubt, Rule::Rate], &[]);
     // It ran before the loop for long enough.
     story(34).breaks_beside(&[Rule::Doubt], &[Rule::ShutDown]);
 }
