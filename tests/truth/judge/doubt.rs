@@ -62,6 +62,41 @@ impl Case<'_> {
         }
         self.speed_in_doubt();
         self.slow_shaft();
+        self.unreadable_behind_a_gap();
+    }
+
+    /// Behind a gap, an AMT ECU with faults in place of a state gets no run as long as the exhaust cannot be read, also where the node
+    /// was reset in the gap.
+    fn unreadable_behind_a_gap(&mut self) {
+        let h = self.h;
+        if !self.traits().faults_hide_state {
+            return;
+        }
+        let gaps: Vec<(u64, u64)> = self.blind.at_least(self.gap() + h.rules.period).iter().collect();
+        for (from, to) in gaps {
+            let since = from.saturating_sub(2 * SECOND);
+            let noticed = from + self.gap() + h.rules.period;
+            let lasting = |spans: &Spans| spans.last_before(from).filter(|(_, end)| *end > to);
+            let (Some((_, clears)), Some((_, whole))) = (lasting(&self.faults), lasting(&h.sensor)) else {
+                continue;
+            };
+            // What is on its way at either end.
+            let until = clears.min(whole).saturating_sub(100 * MS);
+            let disturbed = self.down.touches(since, noticed)
+                || [&h.noise, &h.garbled, &self.stopped].iter().any(|spans| spans.touches(since, until));
+            if disturbed || self.blind.touches(to, until) || !self.known_to_run(since) || to >= until {
+                continue;
+            }
+            self.verdict.count("gaps among error sets without an exhaust", 1);
+            let run = |frame: &&Frame| frame.sent.switch() == Some(Switch::Run);
+            if let Some(frame) = h.frames_within(to, until).iter().find(run) {
+                let text = format!(
+                    "run, and since the gap at {} neither a state nor an exhaust confirms the engine",
+                    seconds(from)
+                );
+                self.verdict.finding(Rule::Doubt, frame.at, text);
+            }
+        }
     }
 
     /// A frame of a ZK ECU whose shaft does not turn raises doubt, whatever else it reports, until two reports of the state have

@@ -44,6 +44,29 @@ fn in_doubt_nothing_goes_out_that_could_start_an_engine() {
     story(ZK5, 40.2).with(damaged).with(nothing(52.0)).breaks(&[Rule::Doubt]);
 }
 
+/// Error sets without an exhaust that can be read confirm no engine behind a gap, nor behind a gap and a reset.
+#[test]
+fn error_sets_behind_a_gap_get_no_reply_without_an_exhaust() {
+    let story = |again: f64| {
+        flight(AMT, 51.0)
+            .wire(again, 51.0, HALF)
+            .with(|h| {
+                let faulty = micros(37.9)..micros(50.0);
+                h.samples.iter_mut().for_each(|sample| sample.fault = faulty.contains(&sample.at));
+                h.sensor = Spans::from(&[(38 * SECOND, 50 * SECOND)]);
+                h.mute = Spans::from(&[(40 * SECOND, 41_500 * MS)]);
+                h.frames.retain(|frame| frame.at < 40 * SECOND || frame.at >= micros(again));
+            })
+            .with(|h| {
+                h.resets.push(Reset { down: 41 * SECOND, up: 41_020 * MS, cause: Cause::Watchdog });
+            })
+    };
+    story(50.3).passes();
+    story(42.0).breaks(&[Rule::Doubt]);
+    // The exhaust shows that it burns.
+    story(42.0).with(|h| h.sensor = Spans::default()).passes();
+}
+
 #[test]
 fn in_doubt_a_speed_continues() {
     let story = |sent: Sent| {
