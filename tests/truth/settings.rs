@@ -54,6 +54,9 @@ impl Setup {
         all.slew.down = rng.pick(&[None, None, Some(60), Some(200)]);
         all.service_time = ms(rng.pick(&[30_000, 4000]));
         all.burning_egt = Celsius::from_tenths(rng.pick(&[3000, 2000, 4000]));
+        if rng.percent(20) {
+            all.loss.standby_after = Some(ms(3000));
+        }
         let action = rng.pick(&[Action::FailSafe, Action::FailSafe, Action::FailSafe, Action::Standby]);
         let idle = self.ecu.turbine().idle_rpm;
         match rng.below(16) {

@@ -5,10 +5,11 @@ use crate::ecus::Odd;
 use crate::faults::Fault;
 use crate::history::{Cause, MS, PilotCommand, SECOND};
 use crate::pilots::Rng;
+use sim::turbine::EgtSensor;
 
 impl Director {
     pub(super) fn combined(&self, rng: &mut Rng) -> (&'static str, Vec<Step>) {
-        match (rng.below(20), self.traits().replies_only) {
+        match (rng.below(24), self.traits().replies_only) {
             (0..3, true) => ("the ECU or the flame goes out in a gap", self.out_in_a_gap(rng)),
             (3..5, true) => ("CTF and a reset", self.ctf_and_a_reset(rng)),
             (5..7, true) => ("an order that is given up", self.given_up(rng)),
@@ -16,8 +17,10 @@ impl Director {
             (4..7, false) => ("damage to the ECU", self.damage_to_the_ecu(rng)),
             (7..10, _) => ("at rest, a gap, at rest", self.at_rest_around_a_gap(rng)),
             (10..13, _) => ("a cut and a reset in a silence", self.cut_and_reset_in_a_silence(rng)),
-            (13..16, _) => ("a lower source's standby, and a reset", self.lower_standby(rng)),
-            (16..18, _) => ("resets while a lost source is back", self.resets_of_a_lost_source(rng)),
+            (13..15, _) => ("a lower source's standby, and a reset", self.lower_standby(rng)),
+            (15..18, _) => ("resets while a lost source is back", self.resets_of_a_lost_source(rng)),
+            (20..24, true) => ("error sets, a gap and a reset", self.gap_and_reset_in_error_sets(rng)),
+            (20..24, false) => ("nothing received in a silence", self.unreceived_in_a_silence(rng)),
             _ => ("the transmitter hangs, and a reset", self.stall_and_reset(rng)),
         }
     }
@@ -93,17 +96,57 @@ impl Director {
     }
 
     /// A report of an engine at rest right before a gap, and one right after it, neither sent by the ECU: they are not
-    /// consecutive.
+    /// consecutive. With an order, or without one behind a loss of power.
     fn at_rest_around_a_gap(&self, rng: &mut Rng) -> Vec<Step> {
         let period = self.rules.period;
-        let length = self.outlived(period * rng.between(5, 12));
-        vec![
+        let forgets = rng.percent(40);
+        // A node that has forgotten the rate of the ECU expects the lowest one.
+        let length = match forgets {
+            true => period.max(50 * MS) * rng.between(5, 8),
+            false => period * rng.between(5, 12),
+        };
+        let length = self.outlived(length);
+        let begins = if forgets { vec![Step::Reset(Cause::PowerOn, 20 * MS)] } else { Vec::new() };
+        let steps = vec![
             fault(Fault::OddFrame(Odd::AtRest), MS),
-            Step::Wait(period * rng.between(20, 110) / 100),
+            Step::Wait(period * rng.between(20, if forgets { 60 } else { 110 }) / 100),
             fault(Fault::CutToNode, length),
             Step::Wait(length),
             fault(Fault::OddFrame(Odd::AtRest), MS),
             Step::Wait(3 * SECOND),
+        ];
+        [begins, steps].concat()
+    }
+
+    /// Until all stages of loss are over, and the node has lost the order.
+    fn unreceived_in_a_silence(&self, rng: &mut Rng) -> Vec<Step> {
+        let rules = &self.rules;
+        let age = rules.ages.into_iter().max().unwrap_or_default();
+        let stages = rules.listen + age + rules.hold + rules.standby_after.unwrap_or(10 * SECOND);
+        let before = rng.between(1, 10) * SECOND;
+        let after = stages + rng.between(5, 8) * SECOND;
+        vec![
+            silent(self.main),
+            fault(Fault::CutToNode, before + after),
+            Step::Wait(before),
+            Step::Reset(rng.pick(&[Cause::BrownOut, Cause::BrownOut, Cause::PowerOn]), 30 * MS),
+            Step::Wait(after),
+        ]
+    }
+
+    /// The exhaust of an AMT engine cannot be read, its ECU reports a fault, and frames are missing before the reset.
+    fn gap_and_reset_in_error_sets(&self, rng: &mut Rng) -> Vec<Step> {
+        let length = self.outlived(rng.between(900, 2500) * MS);
+        let lasts = length + rng.between(4, 7) * SECOND;
+        let sensor = Fault::Sensor(rng.pick(&[EgtSensor::Open, EgtSensor::Short]));
+        vec![
+            beside(Fault::Error(rng.between(1, 18) as u8), lasts),
+            beside(sensor, lasts),
+            Step::Wait(rng.between(1000, 2000) * MS),
+            fault(Fault::CutToNode, length),
+            Step::Wait(length * rng.between(65, 95) / 100),
+            Step::Reset(Cause::Watchdog, 20 * MS),
+            Step::Wait(lasts),
         ]
     }
 
@@ -151,7 +194,8 @@ impl Director {
         [begins, both, vec![Step::Wait(4 * SECOND)]].concat()
     }
 
-    /// It was lost, and has to command for a while before it is in control: the node is reset repeatedly before that.
+    /// It was lost, and has to command for a while before it is in control: the node is reset repeatedly before that, or just before it
+    /// commands again.
     fn resets_of_a_lost_source(&self, rng: &mut Rng) -> Vec<Step> {
         let last = self.rules.standby_after.unwrap_or(10 * SECOND);
         let runs = rng.between(420, 720) * MS;
@@ -159,16 +203,37 @@ impl Director {
         let most = if self.traits().serial_delay { 8 } else { 24 };
         let count = ((last + 4 * SECOND) / (runs + 80 * MS)).min(most);
         let resets = (0..count).flat_map(|_| [Step::Reset(Cause::Watchdog, 20 * MS), Step::Wait(runs)]);
-        let begins = vec![
-            silent(self.main),
-            Step::Wait(self.to_hold_end() + rng.between(300, 3000) * MS),
-            stream(self.main, self.flies()),
-        ];
-        [begins, resets.collect(), vec![Step::Wait(3 * SECOND)]].concat()
+        // Those that standby ends if it does not get back in control take the resets.
+        let once = self.rules.standby_after.is_none() && rng.percent(60);
+        let lost = rng.spread(300 * MS, if once { 3 * SECOND } else { SECOND });
+        let lost = vec![silent(self.main), Step::Wait(self.to_hold_end() + lost)];
+        let back = stream(self.main, self.flies());
+        let rest = match once {
+            // It is received again only behind the reset.
+            true => vec![
+                Step::Reset(Cause::Watchdog, 20 * MS),
+                Step::Wait(rng.between(10, 500) * MS),
+                back,
+                Step::Wait(2 * SECOND),
+            ],
+            false => [vec![back], resets.collect()].concat(),
+        };
+        [lost, rest, vec![Step::Wait(3 * SECOND)]].concat()
     }
 
     /// A demand that no frame has carried was never in force.
     fn stall_and_reset(&self, rng: &mut Rng) -> Vec<Step> {
+        if rng.percent(50) {
+            // The stick moves right before the reset.
+            return vec![
+                stream(self.main, throttle(rng.pick(&[0, 200]))),
+                Step::Wait(4 * SECOND),
+                stream(self.main, throttle(1000)),
+                Step::Wait(rng.spread(MS, self.rules.period)),
+                Step::Reset(Cause::Watchdog, 20 * MS),
+                Step::Wait(4 * SECOND),
+            ];
+        }
         let length = self.rules.gives_up_after * rng.between(50, 75) / 100;
         vec![
             stream(self.main, throttle(rng.pick(&[0, 200]))),
