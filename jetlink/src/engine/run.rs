@@ -81,6 +81,9 @@ impl Demands {
 /// What a run carries over from before its order, or from before a reset of the node.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Carried {
+    /// The source in control before its order was given up. An engine that is found has no source yet; whose standby ends its run depends
+    /// on whose it was.
+    pub source: Origin,
     /// Time since its start was ordered.
     pub started: Duration,
     /// Silence of the source in control, or the time since it was lost: a source that comes and goes is not in control. It is
@@ -111,15 +114,8 @@ impl Run {
     ) -> Option<Origin> {
         let Arbitration { sources, config, .. } = by;
         match sources.active(now) {
-            // Standby of the source in control, or of a higher one, is obeyed at once. The source of an engine that was found
-            // running is unknown: any source but the highest may be the lower one.
-            Some((origin, Intent::Standby))
-                if origin == Origin::SOURCES[0]
-                    || origin.priority() >= self.active_source.priority()
-                        && self.active_source != Origin::Node =>
-            {
-                Some(origin)
-            }
+            // Standby of the source in control, or of a higher one, is obeyed at once.
+            Some((origin, Intent::Standby)) if origin.priority() >= self.whose().priority() => Some(origin),
             Some((origin, Intent::Run(demand))) => {
                 // It stayed in control or returned after a short gap, or before another source had taken over.
                 let away = self.fail_safe_at.is_some() || self.taking_over.is_some();
@@ -174,6 +170,13 @@ impl Run {
                     .filter(|_| now >= fail_safe_at + config.loss.lower_standby_after)
             }
         }
+    }
+
+    /// The source whose run it is. Where that is not known, any but the highest may be a lower one.
+    fn whose(&self) -> Origin {
+        let known =
+            [self.active_source, self.carried.source].into_iter().find(|source| *source != Origin::Node);
+        known.unwrap_or(Origin::SOURCES[0])
     }
 
     /// The source in control: one that waits to take over, or the one whose demand is in force.

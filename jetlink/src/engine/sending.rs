@@ -55,7 +55,8 @@ impl Engine {
                 self.link.release(run.life.reached());
                 let sent = if open { self.order_demand(now, demand) } else { self.order_doubt(now, demand) };
                 if let Mode::Run(run) = &mut self.mode {
-                    run.lowered.observe(now, demand, matches!(sent, Order::Run(_)));
+                    let goes_out = matches!(sent, Order::Run(_));
+                    run.lowered.observe(now, demand, goes_out, run.demand.sent);
                 }
                 self.note_order(if doubts { Order::Doubt(demand) } else { sent }, origin);
             }

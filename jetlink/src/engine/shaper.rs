@@ -413,8 +413,14 @@ impl Lowered {
         self.falls_until.map_or(Duration::from_ticks(0), |until| until.saturating_duration_since(now))
     }
 
-    /// `sent`: it goes to the ECU. In doubt it may not: a demand that is lowered then is a lowering until it does, and from then on.
-    pub fn observe(&mut self, now: Instant, demand: Demand, sent: bool) {
+    /// `goes_out`: it goes to the ECU. In doubt it may not: a demand that is lowered then is a lowering until it does, and from then on.
+    /// `sent`: the last one that the ECU was sent. One that was never sent is lowered by nothing.
+    pub fn observe(&mut self, now: Instant, demand: Demand, goes_out: bool, sent: Demand) {
+        self.from = match (self.from, sent) {
+            (Demand::Throttle(from), Demand::Throttle(sent)) => Demand::Throttle(from.max(sent)),
+            (Demand::Rpm(from), Demand::Rpm(sent)) => Demand::Rpm(from.max(sent)),
+            (from, _) => from,
+        };
         let (value, from, band) = match (demand, self.from) {
             (Demand::Throttle(demand), Demand::Throttle(from)) => {
                 (demand.tenths().into(), from.tenths().into(), LOWERED_BY)
@@ -425,10 +431,8 @@ impl Lowered {
             // Two kinds do not compare, so a change counts as a lowering.
             _ => (0, u32::MAX, 0),
         };
-        if value >= from {
-            self.from = demand;
-        } else if from - value > band {
-            *self = Self::new(now, if sent { demand } else { self.from }, FALL_EXPECTED);
+        if from.saturating_sub(value) > band {
+            *self = Self::new(now, if goes_out { demand } else { self.from }, FALL_EXPECTED);
         }
     }
 }

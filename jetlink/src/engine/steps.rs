@@ -87,6 +87,10 @@ impl Engine {
             Beginning::Found { started_before, .. } => started_before,
             _ => Duration::from_ticks(0),
         };
+        let source = match &self.mode {
+            Mode::Listen(finding) => finding.active_source,
+            _ => Origin::Node,
+        };
         self.mode = Mode::Run(Run {
             began: now,
             life,
@@ -100,7 +104,7 @@ impl Engine {
             stream: None,
             fail_safe_at,
             stage,
-            carried: Carried { started, silent, all_silent },
+            carried: Carried { source, started, silent, all_silent },
             resumed: matches!(beginning, Beginning::Reset(_)),
             own_speed_control: self.link.may_hold_rpm()
                 && matches!(

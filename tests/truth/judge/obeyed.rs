@@ -113,10 +113,6 @@ impl Case<'_> {
         let age = rules.ages.into_iter().max().unwrap_or_default();
         let long =
             age + rules.recover_after + rules.takeover + rules.hold + rules.lower_standby_after + OBEYS;
-        // A gap beyond the serial delay time takes the order: the engine is found running, and its source is not known.
-        let takes_order = rules.serial_delay.saturating_sub(500 * MS);
-        let found =
-            if self.traits().serial_delay { self.blind.at_least(takes_order) } else { Spans::default() };
         let mut ends = Vec::new();
         // Since when nobody has commanded anything else.
         let mut since = None;
@@ -136,8 +132,7 @@ impl Case<'_> {
             let Some(commands_for_long) = self.command_log.commands_since(source, at) else { continue };
             // A source that has been alone for a long time is in control.
             let alone = h.commanded(from.saturating_sub(long), at).iter().all(|other| other.source == source)
-                && !self.down.touches(from.saturating_sub(60 * SECOND), at)
-                && !found.touches(from.saturating_sub(long), at);
+                && !self.down.touches(from.saturating_sub(60 * SECOND), at);
             let waits = if alone {
                 from.max(commands_for_long + rules.recover_after) + OBEYS
             } else {

@@ -17,21 +17,6 @@ fn an_engine_that_is_shut_down_goes_out() {
     let by_stream = |out| story(out).streams(PILOT, 60.0, 90.0, PilotCommand::Standby).with(second);
     by_stream(60.3).passes();
     by_stream(80.0).breaks(&[Rule::Obeyed]);
-    // Behind a gap that took the order, its source may be any (710000396).
-    let behind_gap = |gap: u64, out: f64| {
-        flight(AMT, 60.0)
-            .wire(60.0, out, HALF)
-            .wire(out, 90.0, STANDBY)
-            .streams(PILOT, 60.0, 90.0, PilotCommand::Standby)
-            .turbine(60.0, out, Phase::Running, 60_000.0, 480.0)
-            .turbine(out, 90.0, Phase::Cooling, 5000.0, 300.0)
-            .with(move |h| h.mute = Spans::from(&[(56 * SECOND, 56 * SECOND + gap)]))
-            .finds(Rule::Obeyed)
-    };
-    assert_eq!(
-        [(3000 * MS, 66.0), (1000 * MS, 66.0), (3000 * MS, 85.0)].map(|(gap, out)| behind_gap(gap, out)),
-        [false, true, true]
-    );
     // A lower source's, when the stages of loss have run out.
     let by_lower = |out| story(out).streams(2, 60.0, 90.0, PilotCommand::Standby).wire(60.0, 67.0, IDLE);
     let waits = |story: Story| {

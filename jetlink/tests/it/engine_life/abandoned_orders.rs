@@ -62,3 +62,30 @@ fn an_engine_that_returns_resumes_where_the_stages_of_loss_have_come() {
     scenario.fly_us(run(80), Origin::Rc, 4 * FRAME_PERIOD_US);
     assert_eq!(scenario.tenths(), 800, "RC is there");
 }
+
+/// Two commands of standby from the source in control shut an engine down at once, also where its order was given up meanwhile and
+/// the engine was found again: the source is the same.
+#[test]
+fn standby_of_its_source_counts_at_once_after_an_abandoned_order_resumed() {
+    for gap in [false, true] {
+        let config = Ecu::Amt.with(|rules| rules.loss.hold = Duration::from_secs(8));
+        let mut scenario = Scenario::started_with(Ecu::Amt, config, percent(80));
+        scenario.reports = Some(Reports::Running);
+        scenario.values.half_percents = 160;
+        scenario.fly_us(run(80), Origin::Rc, 2 * SECOND);
+        if gap {
+            scenario.silent();
+        }
+        // RC is lost, too, and returns.
+        scenario.pass_us(4_500_000);
+        assert_eq!(scenario.order() == Order::Listen, gap);
+        scenario.reports = Some(Reports::Running);
+        scenario.fly_us(run(0), Origin::Rc, 1_500_000);
+        let since = scenario.now_us();
+        while scenario.order() != Order::Standby && scenario.now_us() < since + 20 * SECOND {
+            scenario.fly_us(Command::Standby, Origin::Rc, COMMAND_PERIOD_US);
+        }
+        let took = scenario.now_us() - since;
+        assert!(took < SECOND, "gap {gap}: {took} µs");
+    }
+}

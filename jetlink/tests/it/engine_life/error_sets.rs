@@ -527,3 +527,35 @@ fn amt_12_after_an_order_was_given_up_only_running_confirms() {
         assert_eq!(highest, Some(if runs { 900 } else { 100 }), "{state:#07b}");
     }
 }
+
+/// "A cold exhaust is excused for 5 s after a lower demand was sent": a demand that was rising, and falls back in a gap to the one that
+/// was sent last, is no lower one.
+#[test]
+fn amt_8_a_demand_that_falls_back_in_a_gap_excuses_no_cold_exhaust() {
+    for gap in [false, true] {
+        let config = Ecu::Amt.with(|rules| rules.slew.up = Some(100));
+        let mut scenario = Scenario::started_with(Ecu::Amt, config, percent(0));
+        scenario.reports = Some(Reports::Running);
+        let cool = |scenario: &mut Scenario, to: i32| {
+            while scenario.values.egt_celsius > to {
+                scenario.values.egt_celsius -= 5;
+                scenario.fly_us(run(100), Origin::Rc, FRAME_PERIOD_US);
+            }
+        };
+        scenario.values.egt_celsius = 400;
+        scenario.fly_us(run(100), Origin::Rc, SECOND);
+        cool(&mut scenario, 320);
+        scenario.fly_us(run(100), Origin::Rc, SECOND / 2);
+        if gap {
+            scenario.silent().fly_us(run(100), Origin::Rc, 5 * FRAME_PERIOD_US + 400_000);
+        }
+        scenario.reports = Some(Reports::Running);
+        // The flame is out, and the ECU does not know it yet.
+        cool(&mut scenario, 280);
+        scenario.values.fault = 1;
+        scenario.sent();
+        scenario.fly_us(run(100), Origin::Rc, 5 * FRAME_PERIOD_US);
+        let sent = scenario.sent();
+        assert_eq!(scenario.order(), Order::Standby, "gap {gap}: {sent:?}");
+    }
+}
