@@ -78,7 +78,12 @@ impl Engine {
             && now < status.up_since.map_or(self.started, |up| up.max(self.started)) + REPORT_MAX_AGE;
         match (found, throttle) {
             (Found::Nothing, _) => {}
-            (Found::Running, _) if waits => {}
+            // Whoever commands standby meanwhile may not be the one whose run it is.
+            (Found::Running, _) if waits => {
+                if let Mode::Listen(finding) = &mut self.mode {
+                    finding.ran = true;
+                }
+            }
             (Found::NotRunning, _) => self.standby(now, Origin::Node),
             // It has no source, so the stages of loss begin.
             (Found::Running | Found::Burning, throttle) => {

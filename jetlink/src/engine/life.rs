@@ -468,7 +468,7 @@ pub(super) struct Finding {
     pub lost_for: Duration,
     /// Source whose demand was in force, if known: the standby of a lower source waits for its loss.
     pub active_source: Origin,
-    /// The engine ran before, according to the record.
+    /// The engine ran before, according to the record, or runs, according to its ECU.
     pub ran: bool,
     /// The order was given up, because nothing confirmed it in time: what became of the engine since is not known.
     given_up: bool,

@@ -350,6 +350,8 @@ impl Case<'_> {
                 let unmeasured = |at| h.sensor.contains(at);
                 let up =
                     h.resets.iter().map(|reset| reset.up).filter(|up| *up <= at).max().unwrap_or_default();
+                // What was not measured shows no fall either.
+                let measured = h.sensor.last_before(at).map_or(0, |(_, over)| over);
                 // Without a flame the shaft keeps turning for a while, and the engine may be reported as
                 // running.
                 let burnt = h.samples(out.saturating_sub(10 * SECOND), out);
@@ -368,9 +370,8 @@ impl Case<'_> {
                         sample.egt > h.rules.burning - BURNS || sample.at < counts || unmeasured(sample.at)
                     })
                     // Nor does a node that is reset again too soon see the exhaust temperature fall.
-                    && (unmeasured(out)
-                        || self.longest_up(counts, at.saturating_sub(100 * MS)) < 4 * SECOND
-                        || self.fallen(counts.max(up), answered).is_none())
+                    && (self.longest_up(counts, at.saturating_sub(100 * MS)) < 4 * SECOND
+                        || self.fallen(counts.max(up).max(measured), answered).is_none())
             });
             if let Some(out) = out.filter(|_| tripped) {
                 self.verdict.exempt("AMT, a trip that clears while the exhaust is hot", at - out);

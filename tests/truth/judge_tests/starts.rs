@@ -124,7 +124,11 @@ fn a_trip_that_clears_while_the_exhaust_is_hot_cannot_be_seen() {
     };
     cold_from(45.75).passes();
     cold_from(45.6).breaks(&[Rule::Ignition]);
-    // A broken thermocouple hides that it is (710001091).
+    // A broken thermocouple hides that it falls (730000080), and that it is cold (710001091).
+    let hidden_until =
+        |over: f64| story(46.0, false).with(move |h| h.sensor = Spans::from(&[(39 * SECOND, micros(over))]));
+    hidden_until(44.0).passes();
+    assert!(ignites(hidden_until(40.5)));
     let broken =
         |from: f64| cold_from(45.6).with(move |h| h.sensor = Spans::from(&[(micros(from), 60 * SECOND)]));
     broken(45.5).passes();

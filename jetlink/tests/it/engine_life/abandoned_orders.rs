@@ -89,3 +89,17 @@ fn standby_of_its_source_counts_at_once_after_an_abandoned_order_resumed() {
         assert!(took < SECOND, "gap {gap}: {took} µs");
     }
 }
+
+/// Without a record a ZK engine is seen running before its throttle is known. A stream of standby is that of a lower source then, too.
+#[test]
+fn an_engine_that_is_seen_running_without_a_record_is_not_shut_down_at_once() {
+    for (reports, soon) in [(Reports::Running, false), (Reports::Standby, true)] {
+        let mut scenario = Scenario::nothing_received(Ecu::Zk, Ecu::Zk.config());
+        scenario.reports = Some(reports);
+        scenario.introduce();
+        scenario.fly_us(Command::Standby, Origin::Bench, 2 * SECOND);
+        assert_eq!(scenario.order() == Order::Standby, soon, "{reports:?}");
+        scenario.fly_us(Command::Standby, Origin::Bench, 10 * SECOND);
+        assert_eq!(scenario.order(), Order::Standby, "{reports:?}");
+    }
+}
