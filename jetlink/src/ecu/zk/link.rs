@@ -11,7 +11,9 @@
 //! 3. in every second slot at most: status rate, service command, atmospheric pressure (`service.rs`);
 //! 4. the switch and the demand, in one of three modes (ZK-9, `mode.rs`), or ID 0.
 
-use super::codec::{Control, Decoder, Rate, RpmCode, RpmFactor, STATUS_LEN, Status, StatusFrame, Version};
+use super::codec::{
+    Action, Control, Decoder, Rate, RpmCode, RpmFactor, STATUS_LEN, Status, StatusFrame, Version,
+};
 use super::config::Config;
 use super::mode::{Known, Modes};
 use super::service::{Pressure, PumpClosing, RateSetting, ServiceCommand};
@@ -146,6 +148,13 @@ impl ZkLink {
         Err(Rejected::NeedsVersion { needed: needed.get(), known: known.map(Version::get) })
     }
 
+    /// Whether the ECU is known not to have the command that closes the pump, nor the one that opens it. While its version is not known it
+    /// may: a pump that runs is worse than a command that is not supported.
+    fn has_no_close_pump(&self) -> bool {
+        let needed = Control::Action(Action::ClosePump).min_version();
+        Version::knows(self.version(), needed) == Some(false)
+    }
+
     fn fill_slot(&mut self, now: Instant) {
         self.out_of_slot = false;
         let control = self.compose(now);
@@ -158,6 +167,9 @@ impl ZkLink {
             && let Some(control) = self.service.unlocked()
         {
             return control;
+        }
+        if self.has_no_close_pump() {
+            self.pump = PumpClosing::None;
         }
         if let Some(control) = self.pump.frame(self.status.report.pump) {
             return control;
@@ -419,7 +431,7 @@ impl Link for ZkLink {
     fn close_pump(&mut self) {
         // The command that opens it must not follow.
         self.service.cancel(&mut self.outbox);
-        self.pump = PumpClosing::begin();
+        self.pump = if self.has_no_close_pump() { PumpClosing::None } else { PumpClosing::begin() };
     }
 
     fn service_frames(&self) -> ServiceFrames {

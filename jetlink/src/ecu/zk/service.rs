@@ -266,8 +266,7 @@ impl PumpClosing {
         }
     }
 
-    /// The command, in every second slot at most. Sent to every version: a running pump is worse than an unsupported
-    /// command.
+    /// The command, in every second slot at most.
     pub fn frame(&mut self, pump: Option<Timed<Reading>>) -> Option<Control> {
         let (Self::Waiting(left) | Self::Due(left) | Self::Sending(left)) = *self else { return None };
         if left.since.and_then(|since| has_voltage(pump, since)) == Some(false) {
