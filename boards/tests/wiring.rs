@@ -124,7 +124,11 @@ impl Svg {
         self.text(x + 16, y + ROW + 5, 15, "start", 1, "10 kΩ");
         self.rect((CONVERTER.0, y - 50), (CONVERTER.1 - CONVERTER.0, 3 * ROW + 90));
         self.text(CONVERTER.0 + 16, y - 24, 17, "start", 1, "driver and relay, not latching");
-        let lines = ["driver: transistor for the coil", "a diode across the coil", "5 s delay at switch-off"];
+        let lines = [
+            "driver: transistor for the coil",
+            "a diode across the coil",
+            "off delay: 7 s; plain image: 0.1 s",
+        ];
         for (row, line) in lines.into_iter().enumerate() {
             self.text(CONVERTER.0 + 16, y + ROW * row as u32 + 24, 15, "start", 1, line);
         }
@@ -218,7 +222,7 @@ fn drawing(colours: Colours) -> String {
     svg.ecu(y, "ZK ECU", "TTL, 3.3 V: ask first");
 
     let y = 710;
-    let text = "A fuel valve on an output (docs/rc.md): closed without power, and held for 5 s while the pin floats.";
+    let text = "A fuel valve on an output (docs/rc.md): closed without power, held for 7 s (plain image: 0.1 s) without the pin.";
     svg.text(40, y - 66, 18, "start", 1, text);
     svg.valve(y);
 

@@ -6,7 +6,8 @@ use jetlink::telemetry::Telemetry;
 use jetlink_rc::outputs::{Before, Outputs, Valve as Wanted};
 use jetlink_rc::settings::OutputSettings;
 
-/// Delay of the relay at switch-off: it holds the valve while its pin floats.
+/// Delay of the relay at switch-off: it holds the valve while its pin floats. Shorter than the 7 s that docs/rc.md asks for behind a
+/// bootloader, so that a firmware that is slow to drive its pin shows.
 const DELAY: u64 = 5 * SECOND;
 
 /// A valve, and what drives it.
