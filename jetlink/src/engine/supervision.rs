@@ -66,9 +66,10 @@ impl Engine {
             Mode::Stop(_) | Mode::Standby => return,
         };
         if let Some(by) = late {
+            // A restart by the ECU begins with its report; the time of a start may have begun before a reset.
             let began = match &self.mode {
-                Mode::Run(run) => run.began,
-                _ => by,
+                Mode::Run(run) if !run.life.reached() => run.began,
+                _ => by.checked_sub(start_time).unwrap_or(by),
             };
             let ms = |until: Instant| {
                 i32::try_from(until.saturating_duration_since(began).as_millis()).unwrap_or(i32::MAX)
