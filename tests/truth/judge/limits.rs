@@ -145,7 +145,7 @@ impl Case<'_> {
         // It does not outlast the order, which is given up when no set was answered in that time.
         let long = rules.serial_delay.saturating_sub(500 * MS);
         let pairs = h.frames_within(passed, out).windows(2);
-        let gone = pairs.map(|pair| (pair[0].at, pair[1].at)).find(|(from, to)| *to > at && to - from > long);
+        let gone = pairs.map(|pair| (pair[0].at, pair[1].at)).find(|(from, to)| to - from > long);
         let until = ended.map_or(out, |ended| ended.at).min(lost.map_or(out, |lost| lost.down));
         let until = until.min(gone.filter(|_| self.traits().serial_delay).map_or(out, |(from, _)| from));
         if until <= at {

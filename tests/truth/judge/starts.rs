@@ -293,9 +293,11 @@ impl Case<'_> {
             // The order was correct when it was given, and none can reach the ECU since: AMT transmits only replies.
             // Until its serial delay is over the ECU acts on that command.
             let cut = h.mute.last_before(at).filter(|(from, to)| {
-                // After the cut, error sets get no reply either.
+                // After the cut, error sets get no reply either, nor does an engine that has cleared its fault and may be coasting.
                 let faults = self.faults.within(*to, at) + 2 * h.rules.period >= at.saturating_sub(*to);
-                let unanswered = at < to + h.rules.period + 50 * MS || faults;
+                let coasts = self.faults.touches(at.saturating_sub(5 * SECOND), at);
+                let nothing_sent = coasts && h.frames_within(*to, at).is_empty();
+                let unanswered = at < to + h.rules.period + 50 * MS || faults || nothing_sent;
                 let silent = sent + 2 * h.rules.period + 50 * MS >= *from && unanswered;
                 // With error sets the order continues until the exhaust shows that the engine is out.
                 let faulted = self.faults.contains(sent) && self.live.longer(4 * SECOND).contains(sent);

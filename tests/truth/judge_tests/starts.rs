@@ -220,6 +220,17 @@ fn behind_a_cut_wire_an_amt_ecu_acts_on_its_last_command() {
         story.finds(Rule::Ignition)
     };
     assert!(!behind(true) && behind(false));
+    // It clears its fault in the gap, and may be coasting: nothing is sent then (760000894).
+    let cleared = |run: bool| {
+        let story = story(42.7, true).with(move |h| {
+            h.mute = Spans::from(&[(39_900 * MS, 41_900 * MS)]);
+            let tripped = |s: &&mut Sample| (40 * SECOND..41_500 * MS).contains(&s.at);
+            h.samples.iter_mut().filter(tripped).for_each(|sample| sample.fault = true);
+        });
+        let story = if run { story.wire(42.0, 42.3, HALF) } else { story };
+        story.finds(Rule::Ignition)
+    };
+    assert!(!cleared(false) && cleared(true));
 }
 
 /// Likewise while the wire to the ECU is cut, whatever the node sends.
