@@ -108,6 +108,8 @@ pub(super) struct Life {
     doubt: Option<Doubt>,
     /// Time since which the ECU has reported its own restart (state 13 of ZK). It has the timeout of a start.
     restarting: Option<Instant>,
+    /// The last state that the ECU reported is one in which it lights the engine.
+    lights: bool,
     /// Error sets since the last frame with a state.
     faulted: Consecutive,
     /// The last frame may be answered with the order in force (AMT).
@@ -124,6 +126,7 @@ impl Life {
             candidate: None,
             doubt: None,
             restarting: None,
+            lights: false,
             faulted: Consecutive::NONE,
             answers: true,
             ran: false,
@@ -217,6 +220,11 @@ impl Life {
         self.restarting
     }
 
+    /// Whether the ECU last reported that it lights the engine, which an engine that runs and turns may be by itself, too.
+    pub const fn lights(&self) -> bool {
+        self.lights
+    }
+
     /// Three expected frames are missing.
     pub fn gap(&mut self, now: Instant) -> Option<End> {
         self.candidate = None;
@@ -270,6 +278,12 @@ impl Life {
             Observation::State { stage: Stage::Ignition | Stage::FuelRamp, .. } => self.restarting,
             Observation::State { .. } => None,
             _ => self.restarting,
+        };
+        self.lights = match observation {
+            Observation::State { stage, .. } => {
+                matches!(stage, Stage::Ignition | Stage::FuelRamp | Stage::Starting | Stage::Restart)
+            }
+            _ => self.lights,
         };
         let end = end.or_else(|| self.fault_end(exhaust));
         self.answers = end.is_none() && self.may_answer(observation, fit, exhaust);

@@ -18,7 +18,8 @@ impl Engine {
         let idle_rpm = self.link.status().report.idle_rpm.map(|idle| idle.value);
         let shape = Shape {
             running: matches!(&self.mode, Mode::Run(run) if run.life.reached()),
-            living: self.lives(),
+            // An engine that its ECU lights again is given no more fuel meanwhile (AMT-14).
+            living: self.lives() && !matches!(&self.mode, Mode::Run(run) if run.life.lights()),
             transmits: self.transmitter.is_none(),
             received: matches!(&self.mode, Mode::Run(run) if self.sources.has_commanded(run.active_source)),
             idle_rpm,

@@ -322,6 +322,36 @@ fn zk_13_a_restart_by_the_ecu_has_the_time_of_a_start() {
     }
 }
 
+/// AMT-14: a running engine that its ECU lights again is given no more fuel meanwhile. Behind it the demand rises at its rate.
+#[test]
+fn amt_14_a_demand_does_not_rise_while_the_ecu_lights_the_engine_again() {
+    // Running, starting, idle calibration; ZK: running, restart by the ECU, and what it has begun with it.
+    for (ecu, states) in [
+        (Ecu::Amt, vec![amt_frames::FULL_OPERATION]),
+        (Ecu::Amt, vec![amt_frames::STARTING]),
+        (Ecu::Zk, vec![11]),
+        (Ecu::Zk, vec![13]),
+        (Ecu::Zk, vec![13, 4]),
+    ] {
+        let lights = !matches!(states[..], [amt_frames::FULL_OPERATION | 11]);
+        let mut scenario = Scenario::started_with(ecu, ecu.config(), percent(20));
+        let mut fly = |state, seconds: u64| {
+            for _ in 0..seconds * SECOND / FRAME_PERIOD_US {
+                receive(&mut scenario, &report(ecu, state, TURNING));
+                let _ = scenario.command(run(80));
+            }
+            scenario.order()
+        };
+        for state in &states {
+            let held = if lights { 20 } else { 80 };
+            assert_eq!(fly(*state, 3), Order::Run(percent(held)), "{ecu:?} {states:?}");
+        }
+        let rises = fly(if ecu == Ecu::Amt { amt_frames::FULL_OPERATION } else { 11 }, 1);
+        let Order::Run(Demand::Throttle(throttle)) = rises else { panic!("{rises:?}") };
+        assert_eq!((650..750).contains(&throttle.tenths()), lights, "{ecu:?} {states:?}: {throttle:?}");
+    }
+}
+
 /// In doubt a demand goes down, and not up; it rises when the life is confirmed.
 #[test]
 fn a_demand_does_not_rise_in_doubt() {
