@@ -91,12 +91,13 @@ impl Case<'_> {
     }
 
     /// Since the frame before, the node was reset and kept its memory: the demand rises from the one that was sent, whatever was
-    /// commanded in between.
+    /// commanded in between. A governor continues with the throttle that the ECU reports.
     fn resumed(&self, when: u64, at: u64) -> bool {
         let mut resets = self.h.resets.iter().filter(|reset| reset.up > when && reset.down < at).peekable();
         resets.peek().is_some()
             && resets.all(|reset| reset.cause == Cause::Watchdog)
             && !self.holds_rpm(at)
+            && !self.governed(at)
             && !self.h.noise.touches(when.saturating_sub(SECOND), at)
     }
 
