@@ -157,9 +157,10 @@ fn play(first: u64, engine_seconds: u64, threads: u64, enough: u64) -> (Tally, O
 }
 
 /// Situations that occur within six hours.
-const IN_HOURS: [&str; 27] = [
+const IN_HOURS: [&str; 28] = [
     "doubts",
     "error sets in a start",
+    "frames of radio control",
     "frames that fall at slew.down",
     "frames that rise at the rate after a gap",
     "frames that rise at the rate after a reduction",
