@@ -33,7 +33,9 @@ pub struct Situation<'a> {
 /// Actions to take now.
 #[derive(Debug, Default)]
 pub struct Turn {
-    /// To these engines (`None`: to all).
+    /// Of a script file. They come before those of the keys.
+    pub scripted: Vec<Action>,
+    /// Of the keys, to these engines (`None`: to all).
     pub wishes: Vec<(Option<usize>, Wish)>,
     /// From now on at this pace.
     pub pace: Option<Pace>,
@@ -85,15 +87,15 @@ impl Scripted {
 impl Control for Scripted {
     fn turn(&mut self, situation: &Situation<'_>) -> Turn {
         let due = self.actions.iter().skip(self.next).take_while(|(at, _)| *at <= situation.at);
-        let wishes: Vec<_> = due.map(|(_, action)| (action.engine, Wish::Act(action.act))).collect();
-        self.next += wishes.len();
+        let scripted: Vec<Action> = due.map(|(_, action)| *action).collect();
+        self.next += scripted.len();
         let all_done = self.next == self.actions.len();
         let end = match self.end {
             Some(end) => situation.at >= end,
             None if situation.played => all_done && self.last_at() + AFTER_LAST <= situation.at,
-            None => situation.complete && all_done && wishes.is_empty(),
+            None => situation.complete && all_done && scripted.is_empty(),
         };
-        Turn { wishes, end, over: end && self.end.is_some(), ..Turn::default() }
+        Turn { scripted, end, over: end && self.end.is_some(), ..Turn::default() }
     }
 }
 
@@ -185,7 +187,7 @@ impl Control for Live {
         self.stepping = false;
         if let Some(script) = &mut self.script {
             let played = script.turn(situation);
-            turn.wishes = played.wishes;
+            turn.scripted = played.scripted;
             self.over |= played.end && !situation.complete;
         }
         while let Ok(request) = self.requests.try_recv() {
@@ -212,7 +214,8 @@ impl Control for Live {
         turn.end |= self.end.requested().is_some();
         turn.again = paused;
         // Pending actions and changes come first.
-        if paused && !turn.end && turn.wishes.is_empty() && turn.passing.is_none() {
+        let is_pending = !turn.scripted.is_empty() || !turn.wishes.is_empty() || turn.passing.is_some();
+        if paused && !turn.end && !is_pending {
             match self.requests.recv_timeout(LOOK_EVERY) {
                 Ok(request) => {
                     self.take(request, &mut turn);

@@ -61,7 +61,6 @@ use self::options::Order;
 use self::out::{Out, Stream, reader_left};
 use self::outcome::{End, Outcomes};
 use self::output::{Kind, Problem, Wanted};
-use self::play::action::Act;
 use self::play::script;
 use self::plot::Plot;
 use self::report::Report;
@@ -266,8 +265,6 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
     };
     let place = Place::of(args, order);
     let Place { out, is_terminal, theme, .. } = place;
-    let scripted: Vec<Act> =
-        order.script.iter().flat_map(|(actions, _)| actions).map(|(_, action)| action.act).collect();
     // Last of all: from here on the terminal's state may change.
     let (shown, mut control) = stage(args, order, &names, &place, &end);
     let show = Show { shown, files };
@@ -299,7 +296,7 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
         (Some(report), Some(chronicle)) => report.finish(&chronicle, &outcomes, &problems, ended_by),
         _ => Ok(()),
     };
-    let saved = save_script(args, order, &outcomes, &scripted, &end);
+    let saved = save_script(args, order, &outcomes, &end);
     if let Ok(Some(saved)) = &saved {
         text += &format!("To play it again: cargo rig --script {} --fast\n", output::quoted(saved));
     }
@@ -333,18 +330,13 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
     })
 }
 
-/// Writes the actions to the requested file; without one, and if a key has acted, to a new file. `scripted`: the actions of the
-/// played script file.
+/// Writes the actions to the requested file; without one, and if a key has acted, to a new file.
 fn save_script(
     args: &Args,
     order: &Order,
     outcomes: &Outcomes,
-    scripted: &[Act],
     end: &EndRequest,
 ) -> Result<Option<PathBuf>, String> {
-    let done = outcomes.actions.iter().map(|(_, action)| &action.act);
-    let by_key =
-        outcomes.actions.len() > scripted.len() || !done.zip(scripted).all(|(done, act)| done == act);
     let over = (outcomes.is_played() || outcomes.end == End::Over).then(|| Instant::MIN + outcomes.length);
     let text = script::text(&order.header, &order.setup.engines, &outcomes.actions, over);
     match &args.save_script {
@@ -352,7 +344,7 @@ fn save_script(
             waiting::write(path, &text, end).map_err(|error| output::cannot_write(path, &error))?;
             Ok(Some(PathBuf::from(path)))
         }
-        None if by_key && order.setup.plays_again() => {
+        None if outcomes.by_key && order.setup.plays_again() => {
             let name = format!("jetlink-rig-{}", std::process::id());
             output::write_new(&std::env::temp_dir(), &name, "txt", &text).map(Some)
         }

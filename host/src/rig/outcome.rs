@@ -78,6 +78,8 @@ pub struct Outcomes {
     pub bad_commands: u64,
     /// What was done by hand.
     pub actions: Vec<(Instant, Action)>,
+    /// A key did some of it, not only a script file.
+    pub by_key: bool,
     /// Reception of radio control, if there was a receiver.
     pub reception: Option<Reception>,
     /// A scenario was played.

@@ -285,6 +285,7 @@ impl<'a> World<'a> {
                 if let Some(pace) = turn.pace {
                     clock::set_pace(pace);
                 }
+                turn.scripted.into_iter().for_each(|action| self.player.act(action.engine, action.act));
                 turn.wishes.into_iter().for_each(|(engine, wish)| self.player.wish(engine, wish));
                 let passing = turn.passing.map(Message::Passing);
                 let continues =
@@ -374,6 +375,7 @@ impl<'a> World<'a> {
             checks: self.scenario_context.checks(),
             bad_commands: self.setup.scenario.map_or(0, |scenario| scenario.bad_commands),
             actions: self.player.recorded(),
+            by_key: self.player.is_by_key(),
             reception: self.setup.radio.as_ref().map(Radio::reception),
             is_scenario: self.setup.scenario.is_some(),
         }

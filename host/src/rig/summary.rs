@@ -255,6 +255,7 @@ mod tests {
             checks,
             bad_commands: 0,
             actions: Vec::new(),
+            by_key: false,
             reception: None,
             is_scenario: true,
         };

@@ -334,24 +334,38 @@ fn a_played_run_is_saved_and_its_command_printed() {
     assert!(live.starts_with(&summary(&again).expect("a summary")), "{live}{again}");
 }
 
-/// Actions of keys during a script file are kept with it.
+/// Actions of keys during a script file are stored with it, and the file replays the run.
 #[test]
 fn keys_beside_a_script_are_saved_with_it() {
     let script = file("beside.txt");
-    std::fs::write(&script, "jetlink rig script, version 0.1.0\nstandby\n0.5 left disarm\n600.0 end\n")
-        .unwrap();
-    let mut terminal = Terminal::start(&["--script", script.to_str().unwrap()]);
+    let actions = "standby\n0.5 left disarm\n5.0 left silent\n600.0 end\n";
+    std::fs::write(&script, format!("jetlink rig script, version 0.1.0\n{actions}")).unwrap();
+    let csv = file("beside.csv");
+    let mut terminal =
+        Terminal::start(&["--script", script.to_str().unwrap(), "--csv", csv.to_str().unwrap()]);
     terminal.is_live();
     wait_until("the script acts", || terminal.output().contains("played: disarm"));
+    // Before the script does it.
+    terminal.types(b"fs");
+    wait_until("the key acts", || terminal.output().contains("played: silent"));
+    let rows = || std::fs::read_to_string(&csv).unwrap_or_default();
+    wait_until("the script does it again", || rows().contains("that lasts already"));
     terminal.types(b" ");
     wait_until("the key acts", || terminal.output().contains("emergency-stop"));
     terminal.types(b"q");
     let (ended, text) = terminal.end();
     assert_eq!(ended.code(), Some(0), "{text}");
     let again = text.lines().find_map(|line| line.strip_prefix("To play it again: cargo rig --script "));
-    let saved = again.and_then(|command| command.strip_suffix(" --fast")).expect("a command").to_owned();
-    let saved = std::fs::read_to_string(saved).expect("the script");
+    let path = again.and_then(|command| command.strip_suffix(" --fast")).expect("a command").to_owned();
+    let saved = std::fs::read_to_string(&path).expect("the script");
     assert!(saved.contains("0.5 left disarm\n") && saved.contains(" all emergency-stop\n"), "{saved}");
+    assert_eq!(saved.matches(" left silent\n").count(), 1, "{saved}");
+    let again = jetlink(&["--fast", "--script", &path]).output().expect("it runs");
+    assert_eq!(again.status.code(), Some(0), "{}", String::from_utf8_lossy(&again.stderr));
+    let again = String::from_utf8(again.stdout).expect("UTF-8");
+    let summary = |text: &str| text.split_once("\nSummary after ").map(|(_, summary)| summary.to_owned());
+    let live = summary(&text).expect("a summary");
+    assert!(live.starts_with(&summary(&again).expect("a summary")), "{live}{again}");
 }
 
 #[test]

@@ -59,6 +59,8 @@ pub struct Player<'a> {
     scenario: bool,
     hands: Vec<Hand>,
     recorded: RefCell<Vec<(Instant, Action)>>,
+    /// A key has done some of it.
+    by_key: Cell<bool>,
 }
 
 impl<'a> Player<'a> {
@@ -72,7 +74,17 @@ impl<'a> Player<'a> {
         scenario: bool,
     ) -> Self {
         let hands = contexts.iter().map(|_| Hand::default()).collect();
-        Self { node, contexts, plugs, notes, transmitter, scenario, hands, recorded: RefCell::default() }
+        Self {
+            node,
+            contexts,
+            plugs,
+            notes,
+            transmitter,
+            scenario,
+            hands,
+            recorded: RefCell::default(),
+            by_key: Cell::new(false),
+        }
     }
 
     /// Everything that was done, with its engine time.
@@ -83,6 +95,11 @@ impl<'a> Player<'a> {
     /// Whether anything was done.
     pub fn is_played(&self) -> bool {
         !self.recorded.borrow().is_empty()
+    }
+
+    /// Whether a key has done any of it.
+    pub const fn is_by_key(&self) -> bool {
+        self.by_key.get()
     }
 
     /// Verdict on an engine that was played.
@@ -96,8 +113,16 @@ impl<'a> Player<'a> {
         self.hands.get(engine).map(|hand| hand.faults.borrow().clone()).unwrap_or_default()
     }
 
-    /// Carries out a request. `None`: for all engines.
+    /// Carries out the request of a key. `None`: for all engines.
     pub fn wish(&self, engine: Option<usize>, wish: Wish) {
+        let before = self.recorded.borrow().len();
+        self.carry_out(engine, wish);
+        if self.recorded.borrow().len() > before {
+            self.by_key.set(true);
+        }
+    }
+
+    fn carry_out(&self, engine: Option<usize>, wish: Wish) {
         if let (Some(transmitter), Wish::Step(by)) = (self.transmitter, wish) {
             let stick = i32::from(transmitter.stick.get()) + i32::from(by);
             self.act(None, Act::Throttle(stick.clamp(0, WHOLE as i32) as u16));
@@ -116,12 +141,19 @@ impl<'a> Player<'a> {
                     self.act(Some(engine), act);
                 }
             }
-            (None, _) => (0..self.contexts.len()).for_each(|engine| self.wish(Some(engine), wish)),
+            (None, _) => (0..self.contexts.len()).for_each(|engine| self.carry_out(Some(engine), wish)),
         }
     }
 
-    /// Does this, and records it.
+    /// Does this, and records it. A fault that changes nothing is only noted: a script file with it is refused.
     pub fn act(&self, engine: Option<usize>, act: Act) {
+        let concerned = engine.map_or(0..self.contexts.len(), |engine| engine..engine + 1);
+        if let Act::Fault(fault, begins) = act
+            && concerned.clone().all(|engine| self.cannot(engine, fault, begins).is_some())
+        {
+            concerned.for_each(|engine| self.act_on(engine, act));
+            return;
+        }
         self.recorded.borrow_mut().push((Instant::now(), Action { engine, act }));
         if act == Act::Fault(Fault::Reset, true) {
             self.notes.add(None, "played: the watchdog resets the node");
@@ -134,10 +166,7 @@ impl<'a> Player<'a> {
         if self.transmitter.is_some_and(|transmitter| self.moves(transmitter, act)) {
             return;
         }
-        match engine {
-            Some(engine) => self.act_on(engine, act),
-            None => (0..self.contexts.len()).for_each(|engine| self.act_on(engine, act)),
-        }
+        concerned.for_each(|engine| self.act_on(engine, act));
     }
 
     /// Moves the transmitter, which commands all engines. False: the act is not one of a transmitter.

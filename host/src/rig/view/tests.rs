@@ -1,10 +1,12 @@
 //! The screen, drawn into memory: runs from script files in virtual time, keys at engine times, no sleep anywhere.
 
 use super::super::context::{Note, Stage};
-use super::super::control::{Control, Scripted, Situation, Turn};
+use super::super::control::{Control, Live, Request, Scripted, Situation, Turn};
+use super::super::ending::EndRequest;
 use super::super::message::Message;
 use super::super::options::{Args, order};
 use super::super::outcome::Outcomes;
+use super::super::play::action::Action;
 use super::super::play::script;
 use super::super::session;
 use super::super::tour::Tour;
@@ -20,6 +22,7 @@ use ratatui::backend::TestBackend;
 use ratatui::buffer::Buffer;
 use ratatui::style::{Color, Modifier};
 use std::cell::RefCell;
+use std::sync::mpsc::{Sender, channel};
 
 /// As a colour terminal with UTF-8.
 pub const COLOUR: Theme = Theme { colours: true, ascii: false };
@@ -39,12 +42,21 @@ pub struct Keys<'a> {
     keys: Vec<(f64, KeyEvent)>,
     next: usize,
     end: f64,
+    /// A script file that is played along with the keys, as on a terminal.
+    beside: Option<(Sender<Request>, Live)>,
 }
 
 impl<'a> Keys<'a> {
     /// Each with its time in seconds.
     pub fn new(model: &'a RefCell<Model>, keys: &[(f64, KeyEvent)], end: f64) -> Self {
-        Self { model, keys: keys.to_vec(), next: 0, end }
+        Self { model, keys: keys.to_vec(), next: 0, end, beside: None }
+    }
+
+    /// Beside the actions of a script file.
+    fn beside(self, actions: Vec<(Instant, Action)>, over: Option<Duration>) -> Self {
+        let (sender, requests) = channel();
+        let live = Live::new(requests, EndRequest::default(), None);
+        Self { beside: Some((sender, live.with_script(Scripted::new(actions, over)))), ..self }
     }
 }
 
@@ -56,12 +68,19 @@ impl Control for Keys<'_> {
             let _ = at;
             self.next += 1;
             match self.model.borrow_mut().key(key) {
-                Some(Requested::Wish(engine, wish)) => turn.wishes.push((engine, wish)),
+                Some(Requested::Wish(engine, wish)) => match &self.beside {
+                    Some((sender, _)) => sender.send(Request::Wish(engine, wish)).unwrap(),
+                    None => turn.wishes.push((engine, wish)),
+                },
                 Some(Requested::Quit) => turn.end = true,
                 _ => {}
             }
         }
-        turn
+        match &mut self.beside {
+            // As fast as the machine allows.
+            Some((_, live)) => Turn { end: turn.end, pace: None, ..live.turn(situation) },
+            None => turn,
+        }
     }
 }
 
@@ -105,8 +124,8 @@ pub fn play(name: &str, script: &str, keys: &[(f64, KeyEvent)], end: f64) -> Pla
     let outcomes = if keys.is_empty() && over.is_some() {
         session::run(&order.setup, &mut Scripted::new(actions, over), show)
     } else {
-        assert!(actions.is_empty(), "keys or actions");
-        let mut control = Keys::new(&model, keys, end);
+        let control = Keys::new(&model, keys, end);
+        let mut control = if actions.is_empty() { control } else { control.beside(actions, over) };
         session::run(&order.setup, &mut control, show)
     };
     let over = Some(Instant::MIN + outcomes.length);
@@ -647,6 +666,11 @@ fn a_played_run_is_a_file_that_gives_the_same_bytes() {
     ];
     let played = pair(85.0, &keys, "keys");
     assert!(played.bytes.len() > 10_000);
+    is_the_same_again(&played);
+}
+
+/// Replays the file of a played run.
+fn is_the_same_again(played: &Played) {
     let again = play("again", &played.script, &[], f64::INFINITY);
     assert_eq!(again.script, played.script);
     let first = again.bytes.iter().zip(&played.bytes).position(|(again, played)| again != played);
@@ -657,6 +681,42 @@ fn a_played_run_is_a_file_that_gives_the_same_bytes() {
     assert_eq!(first, None, "{:?} {:?} {}", around(&again.bytes), around(&played.bytes), played.script);
     assert_eq!(again.bytes.len(), played.bytes.len());
     assert_eq!(again.outcomes.length, played.outcomes.length);
+}
+
+/// A fault that lasts already, or that has ended, changes nothing: it is not recorded.
+#[test]
+fn a_run_played_by_keys_beside_a_script_is_a_file_that_gives_the_same_bytes() {
+    let documented = include_str!("../../../../docs/captures/played.txt").to_owned();
+    let faults = "silent speak s cut mend c cut-to-ecu mend-to-ecu e noise quiet n power-off power-on p";
+    let faults: Vec<&str> = faults.split(' ').collect();
+    let mut cases = vec![
+        (documented.clone(), 's', "45.0 left silent", "51.0 left speak"),
+        (
+            format!("{HEAD}{PAIR}rc sbus\n4 right silent\n6 right speak\n9 end\n"),
+            's',
+            "4.0",
+            "6.0 right speak",
+        ),
+    ];
+    for fault in faults.chunks(3) {
+        let (begin, end) = (fault[0], fault[1]);
+        for name in ["left", "all"] {
+            let script = format!("{HEAD}{PAIR}4 {name} {begin}\n6 {name} {end}\n9 end\n");
+            cases.push((script, fault[2].chars().next().unwrap(), "4.0 left", "6.0 left"));
+        }
+    }
+    for (script, key, begins, ends) in cases {
+        let (begin, end): (f64, f64) = if script == documented { (45.0, 65.0) } else { (4.0, 9.0) };
+        // Before the script begins the fault, and while the script's fault lasts.
+        for (at, dropped) in [(1.1, begins), (begin + 1.0, ends)] {
+            let keys = [(at - 0.1, char('f')), (at, char(key))];
+            let played = play("beside", &script, &keys, end);
+            assert!(played.outcomes.by_key, "{at}: {script}");
+
+            assert!(!played.script.contains(dropped), "{at}: {}", played.script);
+            is_the_same_again(&played);
+        }
+    }
 }
 
 /// Writes them with `JETLINK_WRITE_PICTURES=1 cargo test --package host pictures_and_texts`.
