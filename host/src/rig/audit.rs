@@ -11,7 +11,8 @@
 //!   wire to the commanded one, at most at 50 % a second;
 //! - its source is lost, or another one is about to take over: no higher throttle than before;
 //! - a run that the node cancels: standby, where the simulated engine had stopped, or its ECU fell silent in the start;
-//! - ZK beside these: ID 0, and ID 2 with the configured rate.
+//! - ZK beside these: ID 0, and ID 2 with the configured rate; in standby and stop, ID 2 that closes the pump, shortly after
+//!   the node has received a status that shows a pump voltage of an engine at rest.
 //!
 //! Anything else is an unsolicited command.
 
@@ -273,6 +274,10 @@ macro_rules! judges {
                 }
             }
 
+            fn received(&mut self, entry: &Entry, at_rest: bool) {
+                $(self.$module.received(entry, at_rest);)+
+            }
+
             fn shares_slot(&self, command: Command) -> bool {
                 match command {
                     $(Command::$name(command) => self.$module.shares_slot(command),)+
@@ -497,7 +502,10 @@ impl Audit {
     pub fn look(&mut self, entries: &[Entry]) {
         for entry in entries {
             match entry.direction {
-                Direction::ToNode => self.received.byte(entry),
+                Direction::ToNode => {
+                    self.received.byte(entry);
+                    self.judges.received(entry, !self.was_live);
+                }
                 Direction::ToEcu => self.arrives(entry),
             }
             match (entry.direction, entry.fate) {

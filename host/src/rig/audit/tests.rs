@@ -105,6 +105,64 @@ fn a_zk_frame_is_what_was_ordered() {
     }
 }
 
+/// Bytes of a ZK ECU as the node receives them.
+fn zk_status(at: Nanos, head: u8, data: [u8; 5]) -> Vec<Entry> {
+    let bytes = [&[head], &data[..]].concat();
+    let sealed = [&bytes[..], &[sim::zk::crc8(&bytes)]].concat();
+    let arrives = |entry: Entry| Entry { direction: Direction::ToNode, fate: Fate::Delivered, ..entry };
+    entries(at, &sealed).into_iter().map(arrives).collect()
+}
+
+/// docs/failsafe.md: a pump that is found with a voltage at rest is closed, also where noise has made the voltage.
+#[test]
+fn a_pump_is_closed_only_behind_a_status_that_shows_a_voltage_at_rest() {
+    let close = |at| entries(at, &zk(0x20, 13));
+    let shown = zk_status(1000 * MILLIS, 0xF2, [0, 0, 0, 56, 55]);
+    let none = zk_status(1000 * MILLIS, 0xF2, [0, 0, 0, 56, 0]);
+    // As sent, and as damaged, with a CRC that fits.
+    let damaged = || none.clone().map_fate(|i| Fate::Flipped(shown[i].byte));
+    let flipped = |place: usize, fate: Fate| {
+        shown.clone().map_fate(|i| if i == place { fate } else { Fate::Delivered })
+    };
+    for (status, allowed) in [
+        (shown.clone(), true),
+        (damaged(), true),
+        (shown.clone().map_fate(|_| Fate::Added), true),
+        (Vec::new(), false),
+        (none.clone(), false),
+        // In another status it is the ignition pump's.
+        (zk_status(1000 * MILLIS, 0xF5, [0, 0, 0, 56, 55]), false),
+        (flipped(5, Fate::Flipped(54)), false),
+        (flipped(2, Fate::Lost), false),
+        (flipped(2, Fate::Framing(0)), false),
+    ] {
+        let mut audit = audit(3);
+        audit.look(&close(900 * MILLIS));
+        assert_eq!(audit.not_given, 1, "before any status");
+        audit.look(&status);
+        audit.look(&close(1100 * MILLIS));
+        audit.look(&close(2100 * MILLIS));
+        assert_eq!(audit.not_given == 1, allowed, "{status:?}: {:?}", audit.findings);
+        let before = audit.not_given;
+        audit.look(&close(9000 * MILLIS));
+        audit.look(&entries(9100 * MILLIS, &zk(0x20, 12)));
+        assert_eq!(audit.not_given, before + 2, "long after it; and nothing opens a pump");
+    }
+    // The voltage of a running engine.
+    let mut running = audit(3);
+    running.see_engine(900 * MILLIS, Phase::Running);
+    running.look(&shown);
+    running.look(&close(1100 * MILLIS));
+    assert_eq!(running.not_given, 1);
+    // A run that is ordered behind it.
+    let mut ordered = audit(3);
+    ordered.look(&shown);
+    ordered.ordered(1050 * MILLIS, Order::Run(Demand::Rpm(Rpm::new(100_000))));
+    ordered.looked_until(1200 * MILLIS);
+    ordered.look(&close(1300 * MILLIS));
+    assert_eq!(ordered.not_given, 1);
+}
+
 #[test]
 fn a_run_that_only_the_ecu_has_received_is_misread() {
     let (standby, run) = (zk(0x18, 0), zk(0x1C, 0));

@@ -3,6 +3,7 @@
 use super::super::engines::Engine;
 use jetlink::command::Order;
 use sim::ecu::{MILLIS, Nanos, SECOND};
+use sim::wire::Entry;
 
 /// Default rate at which a demand rises, in per mille of the maximum per second.
 const RISE: u64 = 500;
@@ -92,6 +93,9 @@ pub trait Judge {
 
     /// Whether this order allows it.
     fn allows(&self, command: Self::Command, order: Order, rise: &Rise) -> bool;
+
+    /// Takes a byte from the ECU, as the node receives it. `at_rest`: the simulated engine neither starts nor runs.
+    fn received(&mut self, _entry: &Entry, _at_rest: bool) {}
 
     /// Whether the next frame may follow directly after it, before its own send slot.
     fn shares_slot(&self, command: Self::Command) -> bool;

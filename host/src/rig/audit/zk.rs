@@ -4,8 +4,17 @@ use super::super::engines::Engine;
 use super::super::simulated::parameters;
 use super::vendor::{self, Rise, WireCommand};
 use jetlink::command::{Demand, Order};
-use sim::ecu::MILLIS;
-use sim::zk::{Action, Sw, ZkCommand};
+use sim::ecu::{MILLIS, Nanos, SECOND};
+use sim::wire::{Entry, Fate};
+use sim::zk::{Action, Sw, ZkCommand, crc8};
+
+/// Bytes of a status, from its head to its CRC.
+const STATUS: usize = 7;
+/// Head of the status with the three voltages; the pump's is in this byte.
+const VOLTAGES: u8 = 0xF2;
+const PUMP_VOLTAGE: usize = 5;
+/// Time after a status with a pump voltage in which the pump may be closed: ten frames, one in every second send slot.
+const CLOSED_WITHIN: Nanos = 3 * SECOND;
 
 /// Judges the commands to one ECU.
 #[derive(Clone, Debug)]
@@ -16,6 +25,10 @@ pub struct Judge {
     max_rpm: u32,
     /// RPM_X that covers the engine's maximum (ZK-9).
     factor: u8,
+    /// The last bytes that the node has received.
+    received: [u8; STATUS],
+    /// The last status that it received and that shows a pump voltage of an engine at rest, whether the ECU sent it so or not.
+    pump_seen_open: Option<Nanos>,
 }
 
 impl vendor::Judge for Judge {
@@ -34,6 +47,8 @@ impl vendor::Judge for Judge {
             factor: (1..=6_u8)
                 .find(|&factor| 40_950.0 * f64::from(factor) >= parameters.max_rpm)
                 .unwrap_or(6),
+            received: [0; STATUS],
+            pump_seen_open: None,
         }
     }
 
@@ -71,6 +86,9 @@ impl vendor::Judge for Judge {
         };
         match (command, order) {
             (ZkCommand::Empty, _) => true,
+            (ZkCommand::Action(Action::ClosePump), Order::Standby | Order::EmergencyStop) => {
+                self.pump_seen_open.is_some_and(|seen| (seen..=seen + CLOSED_WITHIN).contains(&rise.at))
+            }
             (ZkCommand::Action(action), _) => Some(action) == self.rate_action,
             (ZkCommand::Control { sw, throttle }, Order::Run(Demand::Throttle(given))) => {
                 let given = given.tenths();
@@ -90,6 +108,27 @@ impl vendor::Judge for Judge {
                 exact || rise.allows(u32::from(code) * step, given, self.max_rpm, step)
             }
             _ => false,
+        }
+    }
+
+    fn received(&mut self, entry: &Entry, at_rest: bool) {
+        let byte = match entry.fate {
+            Fate::Delivered | Fate::Added => entry.byte,
+            Fate::Flipped(byte) => byte,
+            Fate::Lost => return,
+            Fate::Framing(_) => {
+                self.received = [0; STATUS];
+                return;
+            }
+        };
+        self.received.rotate_left(1);
+        if let Some(last) = self.received.last_mut() {
+            *last = byte;
+        }
+        let [status @ .., crc] = &self.received;
+        let is_whole = self.received.first() == Some(&VOLTAGES) && crc8(status) == *crc;
+        if is_whole && at_rest && self.received.get(PUMP_VOLTAGE).is_some_and(|&volts| volts > 0) {
+            self.pump_seen_open = Some(entry.end);
         }
     }
 

@@ -69,6 +69,15 @@ fn steered(setup: &Setup, control: &mut dyn Control) -> Run {
     Run { model: model.into_inner(), outcomes }
 }
 
+/// Noise makes a status of e1 that shows a pump voltage at rest, with a CRC that fits: the node closes the pump.
+#[test]
+fn a_pump_that_noise_shows_open_may_be_closed() {
+    let engines = "engine name=e0,ecu=zk,mode=rpm\nengine name=e1,ecu=zk,mode=rpm\n\
+                   engine name=e2,ecu=amt,engine=olympus\nengine name=e3,ecu=zk,version=5\n";
+    let run = run("pump", &format!("seed 20041\n{engines}faults heavy\n4.0 end\n")).unwrap();
+    assert_eq!(run.problems(), Vec::<String>::new());
+}
+
 /// After an emergency stop the engine is disarmed, and a source that has armed it has to disarm first.
 #[test]
 fn a_script_that_is_restarted_after_a_stop_flies() {
