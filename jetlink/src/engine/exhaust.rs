@@ -64,7 +64,7 @@ pub(super) struct Exhaust {
     /// Time for which lower demands have excused a fall, and the last time that was looked at.
     excused: Duration,
     seen: Option<Instant>,
-    /// The sensor jumped, or gave what none can: a cold value is accepted again only after two hot ones.
+    /// The sensor jumped, or gave what none can: a cold value is accepted again only after two hot ones, or a fall of 15 °C/s for 3 s.
     distrusted: bool,
 }
 
@@ -132,10 +132,12 @@ impl Exhaust {
         let hot = egt > self.limit;
         self.above.count(hot);
         self.below.count(!hot);
-        self.distrusted &= !self.above.reached(AGREEING);
+        // A sensor that has failed may show a cold exhaust, but not one that cools down without a jump for seconds.
+        let falls = self.falling.reached(FALLING_FOR) && !commanded;
+        self.distrusted &= !self.above.reached(AGREEING) && !falls;
         if self.distrusted {
             self.state = Burning::NotReadable;
-        } else if (self.below.reached(AGREEING) || self.falling.reached(FALLING_FOR)) && !commanded {
+        } else if falls || self.below.reached(AGREEING) && !commanded {
             self.state = Burning::No;
         } else if self.cools || self.below.reached(AGREEING) {
             // A fall leaves combustion uncertain, but does not disprove it yet.
@@ -174,7 +176,7 @@ impl Exhaust {
         fall != Fall::NotExpected && self.excused < EXCUSED_MAX
     }
 
-    /// The exhaust is unknown, and a cold value is accepted only after two hot ones.
+    /// The exhaust is unknown: see [`Self::distrusted`].
     const fn unread(&self) -> Self {
         Self {
             distrusted: true,
@@ -273,6 +275,18 @@ mod tests {
         for (millis, burning) in [(125, Burning::NotReadable), (250, Burning::Yes)] {
             exhaust.observe(at(millis), Some(Celsius::from_tenths(6000)), Fall::NotExpected);
             assert_eq!(exhaust.burning(), burning, "{millis} ms");
+        }
+    }
+
+    /// The flame went out while the sensor was broken, and the exhaust is below the limit when it works again.
+    #[test]
+    fn an_exhaust_that_falls_behind_a_broken_sensor_does_not_burn() {
+        for (degrees_per_s, burning) in [(20, Burning::No), (10, Burning::NotReadable)] {
+            let mut exhaust = limit();
+            run(&mut exhaust, 0, 1000, |_| 700);
+            run(&mut exhaust, 1000, 4000, |_| -50);
+            run(&mut exhaust, 4000, 8000, |ms| 290 - (ms as i16 - 4000) / 100 * degrees_per_s / 10);
+            assert_eq!(exhaust.burning(), burning, "{degrees_per_s} °C/s");
         }
     }
 
