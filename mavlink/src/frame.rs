@@ -1,9 +1,11 @@
 //! Frames of MAVLink: bytes to messages (version 1 and 2) and messages to bytes (version 2).
 //!
-//! After a wrong checksum, the search continues at the second byte of the frame. A frame of an unknown message is
-//! skipped as a whole: its payload may look like a frame.
+//! A frame is what has the right checksum, also of a message that is not used: it is skipped as a whole, because its payload may look like
+//! a frame. Where a checksum is wrong, or cannot be checked because the message is in no dialect, no frame begins: the search continues at
+//! the second byte. So a few stray bytes that claim a length lose nothing of what follows them.
 
 use crate::dialect::MavMessage;
+use crate::extras::extra;
 use crate::fields::Fields;
 pub use crate::ids::{Address, MAX_FRAME};
 #[cfg(test)]
@@ -11,15 +13,14 @@ use crate::sent::generated;
 use crate::sent::{Payload, SENT_PAYLOAD};
 use crate::signing::{Key, SIGNATURE, Signature};
 use heapless::Vec;
-use mavlink_core::Message;
 #[cfg(test)]
-use mavlink_core::MessageData;
+use mavlink_core::{Message, MessageData};
 
 /// Largest frame that is sent here, signed.
 pub const MAX_SENT: usize = 10 + SENT_PAYLOAD + 2 + SIGNATURE;
 
-/// Number of checks until an incomplete frame is given up: 0.5 s, as the service checks every 50 ms. Otherwise damaged bytes that look
-/// like the beginning of a long frame would delay a stop until as many bytes have arrived.
+/// Number of checks until the beginnings of incomplete frames are given up: 0.5 s, as the service checks every 50 ms. Otherwise damaged bytes
+/// that look like the beginning of a long frame would delay a stop until as many bytes have arrived.
 const PATIENCE: u8 = 10;
 
 const START_V1: u8 = 0xFE;
@@ -65,11 +66,11 @@ impl Frame {
 pub struct Received {
     /// Good frames of known messages.
     pub frames: u32,
-    /// Frames of messages that jetlink does not use. Their checksum cannot be verified.
+    /// Good frames of messages that jetlink does not use.
     pub unknown: u32,
     /// Wrong checksums.
     pub bad_checksums: u32,
-    /// Bytes that belonged to no frame.
+    /// Bytes that belonged to no good frame, each once.
     pub skipped: u32,
 }
 
@@ -78,8 +79,12 @@ pub struct Received {
 pub struct Decoder {
     /// The beginning of a frame, or nothing.
     buffer: Vec<u8, MAX_FRAME>,
-    /// Number of checks while it began with the same byte.
+    /// How many of its first bytes were there when the checks began to count, and the number of checks since. They wait together: many
+    /// false beginnings, one behind the other, cost the time of one.
+    waiting: usize,
     looks: u8,
+    /// How many of its first bytes have waited for too long. No frame that is still incomplete begins in them.
+    stale: usize,
     counters: Received,
 }
 
@@ -101,7 +106,9 @@ impl Decoder {
     pub const fn new() -> Self {
         Self {
             buffer: Vec::new(),
+            waiting: 0,
             looks: 0,
+            stale: 0,
             counters: Received { frames: 0, unknown: 0, bad_checksums: 0, skipped: 0 },
         }
     }
@@ -109,7 +116,7 @@ impl Decoder {
     /// Forgets the beginning of a frame: the rest will not arrive.
     pub(crate) fn clear(&mut self) {
         self.buffer.clear();
-        self.looks = 0;
+        (self.waiting, self.looks, self.stale) = (0, 0, 0);
     }
 
     /// Counters of what was received.
@@ -126,7 +133,7 @@ impl Decoder {
         for (i, &byte) in bytes.iter().enumerate() {
             // It never holds a whole frame here, so there is space.
             if self.buffer.push(byte).is_err() {
-                self.buffer.clear();
+                self.clear();
             }
             if let Some(frame) = self.search(key) {
                 return (i + 1, Some(frame));
@@ -135,13 +142,14 @@ impl Decoder {
         (bytes.len(), None)
     }
 
-    /// Gives up a frame whose rest does not arrive. Call it every 50 ms, and then [`Self::receive`].
+    /// Gives up frames whose rest does not arrive. Call it every 50 ms, and then [`Self::receive`] until it returns none.
     pub fn look_after(&mut self) {
+        if self.waiting == 0 {
+            (self.waiting, self.looks) = (self.buffer.len(), 0);
+        }
         self.looks = self.looks.saturating_add(1);
-        if self.buffer.is_empty() {
-            self.looks = 0;
-        } else if self.looks >= PATIENCE {
-            self.skip();
+        if self.looks >= PATIENCE {
+            (self.stale, self.waiting) = (self.waiting, 0);
         }
     }
 
@@ -154,6 +162,10 @@ impl Decoder {
     }
 
     /// Searches the buffer until it holds the beginning of a frame or nothing.
+    ///
+    /// The work is bounded by the buffer: each round that does not end the search drops at least one byte, and each byte is at most once the first
+    /// one when a checksum is computed, over 265 bytes of the longest frame. So a byte costs one such checksum on average, and one that
+    /// completes a false frame at most as many as the buffer has bytes.
     fn search(&mut self, key: Option<&Key>) -> Option<Frame> {
         loop {
             match self.look(key) {
@@ -173,7 +185,8 @@ impl Decoder {
     }
 
     fn drop_first(&mut self, count: usize) {
-        self.looks = 0;
+        self.waiting = self.waiting.saturating_sub(count);
+        self.stale = self.stale.saturating_sub(count);
         // The rest fits. A copy in place would add 1.4 kB of `core`.
         self.buffer = Vec::from_slice(self.buffer.get(count..).unwrap_or_default()).unwrap_or_default();
     }
@@ -186,20 +199,19 @@ impl Decoder {
         if !is_start(start) {
             return Found::Nothing;
         }
-        let Some(&len) = rest.first() else { return Found::Incomplete };
+        let incomplete = if self.stale > 0 { Found::Nothing } else { Found::Incomplete };
+        let Some(&len) = rest.first() else { return incomplete };
         let (header, signature) = if start == START_V1 {
             (6, 0)
         } else {
             match rest.get(1) {
-                None => return Found::Incomplete,
+                None => return incomplete,
                 Some(&flags) if flags & !SIGNED != 0 => return Found::Nothing,
                 Some(&flags) => (10, if flags & SIGNED != 0 { SIGNATURE } else { 0 }),
             }
         };
-        let end = header + usize::from(len);
-        let whole = end + 2 + signature;
-        if self.buffer.len() < whole {
-            return Found::Incomplete;
+        if self.buffer.len() < header {
+            return incomplete;
         }
         let at = |i: usize| self.buffer.get(i).copied().unwrap_or(0);
         let (from, id) = if start == START_V1 {
@@ -208,13 +220,20 @@ impl Decoder {
             let id = u32::from_le_bytes([at(7), at(8), at(9), 0]);
             (Address { system: at(5), component: at(6) }, id)
         };
-        if !MavMessage::all_ids().contains(&id) {
-            return Found::Unknown(whole);
+        // Whether such a frame is one, nobody can check. Its length counts for nothing: it may be stray bytes before a stop.
+        let Some(extra) = extra(id) else { return Found::Nothing };
+        let end = header + usize::from(len);
+        let whole = end + 2 + signature;
+        if self.buffer.len() < whole {
+            return incomplete;
         }
         let checked = self.buffer.get(1..end).unwrap_or_default();
-        if checksum(checked, MavMessage::extra_crc(id)).to_le_bytes() != [at(end), at(end + 1)] {
+        if checksum(checked, extra).to_le_bytes() != [at(end), at(end + 1)] {
             self.counters.bad_checksums = self.counters.bad_checksums.wrapping_add(1);
             return Found::Nothing;
+        }
+        if !MavMessage::all_ids().contains(&id) {
+            return Found::Unknown(whole);
         }
         let fields = Fields::new(self.buffer.get(header..end).unwrap_or_default());
         let (frame, tail) = self.buffer.split_at_checked(end + 2).unwrap_or_default();
@@ -284,7 +303,7 @@ pub(crate) fn encode_payload(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dialect::{COMMAND_LONG_DATA, HEARTBEAT_DATA, SETUP_SIGNING_DATA};
+    use crate::dialect::{COMMAND_LONG_DATA, HEARTBEAT_DATA, SERVO_OUTPUT_RAW_DATA, SETUP_SIGNING_DATA};
     use crate::signing::{Seal, Stamp};
 
     const FROM: Address = Address { system: 7, component: 25 };
@@ -413,32 +432,152 @@ mod tests {
         }
     }
 
-    /// Bytes that look like an unknown message cost its length, 280 bytes at most.
+    /// What a decoder found in a stream that came in pieces, and its counters.
+    fn found(stream: &[u8], step: usize) -> (std::vec::Vec<Frame>, Received) {
+        let mut decoder = Decoder::new();
+        let pieces = stream.chunks(step);
+        let frames = pieces.flat_map(|piece| all(&mut decoder, piece)).collect();
+        (frames, decoder.counters())
+    }
+
+    fn stop(engine: u8) -> COMMAND_LONG_DATA {
+        COMMAND_LONG_DATA { command: 223, target_system: 1, target_component: engine, ..Default::default() }
+    }
+
+    /// A stop in version 1, whose zeros are sent.
+    fn stop_v1(engine: u8) -> std::vec::Vec<u8> {
+        let mut frame = std::vec![START_V1, 33, 9, 255, 190, 76];
+        frame.extend_from_slice(&Fields::new(generated(&stop(engine)).bytes()).all()[..33]);
+        let sum = checksum(&frame[1..], COMMAND_LONG_DATA::EXTRA_CRC);
+        frame.extend_from_slice(&sum.to_le_bytes());
+        frame
+    }
+
+    /// A whole frame with these bytes as its payload, of a message that is not used.
+    fn around(id: u16, extra: u8, payload: &[u8]) -> std::vec::Vec<u8> {
+        let mut frame = std::vec![START_V2, payload.len() as u8, 0, 0, 0, 1, 1, id as u8, (id >> 8) as u8, 0];
+        frame.extend_from_slice(payload);
+        let sum = checksum(&frame[1..], extra);
+        frame.extend_from_slice(&sum.to_le_bytes());
+        frame
+    }
+
+    /// `FILE_TRANSFER_PROTOCOL`.
+    fn file(payload: &[u8]) -> std::vec::Vec<u8> {
+        around(110, 84, payload)
+    }
+
+    fn outputs(count: u8) -> std::vec::Vec<u8> {
+        let outputs = |i: u8| SERVO_OUTPUT_RAW_DATA {
+            time_usec: 1_000_000 + 25_000 * u32::from(i),
+            servo3_raw: 1500,
+            ..Default::default()
+        };
+        let autopilot = Address { system: 1, component: 1 };
+        (0..count).flat_map(|i| encode(autopilot, i, &outputs(i))).collect()
+    }
+
+    /// Each whole frame is found, in order and once, whatever a few bytes before it claim to be. The stream behind is as long as the longest
+    /// frame.
     #[test]
-    fn a_start_byte_in_noise_costs_280_bytes_at_most() {
-        let good = encode(FROM, 1, &heartbeat());
-        for noise in [&[0xFE][..], &[0xFD], &[0xFD, 0xFF, 1, 0, 0, 1, 1, 99]] {
-            let mut stream = noise.to_vec();
-            (0..20).for_each(|_| stream.extend_from_slice(&good));
-            let frames = all(&mut Decoder::new(), &stream);
-            assert!(frames.len() >= 20 - (280 / good.len() + 1), "{noise:?}: {}", frames.len());
+    fn stray_bytes_lose_no_frame() {
+        let stream = outputs(12);
+        let ground = Address { system: 255, component: 190 };
+        let full = [START_V2, 0xFF, 0, 0, 7, 1, 1, 36, 0, 0];
+        let mut strays: std::vec::Vec<std::vec::Vec<u8>> = std::vec![
+            std::vec![START_V2, 0xFF, 0x00],
+            std::vec![START_V2, 0x80, 0x00],
+            std::vec![START_V2, 0xFF, 0x01],
+            std::vec![START_V1, 0xFF],
+            std::vec![START_V1, 0x80],
+            [START_V2, 0xFF, 0x00].repeat(5),
+            // A message that is not used, and one that is in no dialect.
+            std::vec![START_V2, 0xFF, 0, 0, 7, 1, 1, 110, 0, 0],
+            std::vec![START_V2, 0xFF, 1, 0, 0, 1, 1, 99],
+            std::vec![START_V2, 0xFF, 0, 0, 7, 1, 1, 0xFF, 0xFF, 0xFF],
+        ];
+        // The beginnings of frames: as long as this one says, and much longer.
+        let whole = encode(ground, 3, &stop(27));
+        strays.extend((1..whole.len()).map(|end| whole[..end].to_vec()));
+        strays.extend((1..=full.len()).map(|end| full[..end].to_vec()));
+        // A header of each length, and garbage of each length.
+        strays.extend((0..=255).map(|len| std::vec![START_V2, len, 0]));
+        strays.extend((0..=255).map(|len| std::vec![START_V1, len]));
+        let mut rng = fastrand::Rng::with_seed(3);
+        for length in 1..=300 {
+            let mut garbage = std::vec![0; length];
+            rng.fill(&mut garbage);
+            garbage[0] = *rng.choice(&[START_V1, START_V2]).unwrap();
+            strays.push(garbage);
+        }
+        for stop in [encode(ground, 9, &stop(26)).to_vec(), stop_v1(26)] {
+            for stray in &strays {
+                let all = [&stream[..], stray, &stop, &stream].concat();
+                for step in [1, 7, 64, all.len()] {
+                    let (frames, counters) = found(&all, step);
+                    let ids: std::vec::Vec<_> = frames.iter().map(|frame| frame.id).collect();
+                    assert_eq!(ids, [&[36; 12][..], &[76], &[36; 12]].concat(), "{stray:02X?} {counters:?}");
+                    // Each byte counts once.
+                    assert_eq!(counters.skipped as usize, stray.len(), "{stray:02X?}");
+                    assert_eq!((counters.frames, counters.unknown), (25, 0));
+                }
+            }
         }
     }
 
+    /// Behind a damaged frame, and inside of one: its length is right, its checksum is not.
     #[test]
-    fn a_command_inside_of_an_unknown_message_is_not_received() {
-        let command = COMMAND_LONG_DATA { command: 223, ..Default::default() };
-        let inner = encode(FROM, 1, &command);
-        assert_eq!(all(&mut Decoder::new(), &inner).len(), 1);
-        // FILE_TRANSFER_PROTOCOL, 110: not in the dialect.
-        let mut outer = std::vec![START_V2, inner.len() as u8, 0, 0, 0, 1, 1, 110, 0, 0];
-        outer.extend_from_slice(&inner);
-        outer.extend_from_slice(&[0, 0]);
-        outer.extend_from_slice(&encode(FROM, 2, &heartbeat()));
+    fn frames_behind_and_inside_of_a_wrong_frame_are_found() {
+        let two = [encode(FROM, 1, &stop(26)), encode(FROM, 2, &stop(27))].concat();
+        for mut wrong in [file(&two), around(36, 222, &two)] {
+            for at in [4, 6, wrong.len() - 1] {
+                wrong[at] ^= 0x10;
+                let (frames, counters) = found(&[&wrong[..], &two].concat(), 1000);
+                let stops = frames.iter().map(|frame| frame.fields.u8(31)).collect::<std::vec::Vec<_>>();
+                assert_eq!(stops, [26, 27, 26, 27]);
+                assert_eq!((counters.skipped, counters.bad_checksums), (12, 1));
+                wrong[at] ^= 0x10;
+            }
+        }
+    }
+
+    /// What is the payload of a whole frame is data, also of a message that is not used, and whatever is around it.
+    #[test]
+    fn a_command_inside_of_a_whole_frame_is_not_received() {
+        let inner = encode(FROM, 1, &stop(26));
+        assert_eq!(found(&inner, 1).0.len(), 1);
+        let outer = [file(&inner), around(385, 147, &inner), around(0, 50, &inner)];
+        for (outer, used) in outer.iter().zip([0, 0, 1]) {
+            for noise in [&[][..], &[0x55], &[START_V2], &[START_V1, 0xFF], &[START_V2, 0xFF, 0]] {
+                let stream = [noise, outer, noise, &outputs(12)[..]].concat();
+                for step in [1, 7, stream.len()] {
+                    let (frames, counters) = found(&stream, step);
+                    assert!(frames.iter().all(|frame| frame.id != COMMAND_LONG_DATA::ID), "{noise:02X?}");
+                    assert_eq!((frames.len(), counters.unknown), (12 + used, 1 - used as u32));
+                    assert_eq!(counters.skipped as usize, 2 * noise.len());
+                }
+            }
+        }
+    }
+
+    /// The rest of a frame does not arrive: whatever has waited for the time-out is decoded, however many frames seem to begin in it.
+    #[test]
+    fn frames_behind_many_false_ones_wait_for_one_time_out() {
         let mut decoder = Decoder::new();
-        let frames = all(&mut decoder, &outer);
-        assert!(matches!(&frames[..], [Frame { id: HEARTBEAT_DATA::ID, .. }]), "{frames:?}");
-        assert_eq!(decoder.counters().unknown, 1);
+        let stream = [&[START_V1, 0xFF].repeat(20)[..], &encode(FROM, 1, &stop(26))].concat();
+        assert_eq!(all(&mut decoder, &stream).len(), 0);
+        let mut checks = 0;
+        while all(&mut decoder, &[]).is_empty() {
+            checks += 1;
+            assert!(checks <= PATIENCE);
+            decoder.look_after();
+        }
+        assert_eq!((checks, decoder.counters().skipped), (PATIENCE, 40));
+        // The beginning of another one has its own time, and a frame that is complete in time is received.
+        let whole = encode(FROM, 1, &stop(26));
+        assert_eq!(all(&mut decoder, &whole[..20]).len(), 0);
+        (1..PATIENCE).for_each(|_| decoder.look_after());
+        assert_eq!(all(&mut decoder, &whole[20..]).len(), 1);
     }
 
     #[test]

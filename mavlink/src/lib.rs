@@ -6,7 +6,7 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | [`ids`], [`frame`] | numbers of MAVLink; frames to messages and back |
+//! | [`ids`], [`frame`], `extras` | numbers of MAVLink; frames to messages and back; what the checksum of each message covers |
 //! | [`signing`], `retained`, `cover` | only senders with the key may command; how the key survives a reset and a loss of power |
 //! | [`store`], [`record`], [`fram`], [`retained_settings`] | stored settings; an F-RAM that stores them; RAM that retains them
 //! over a reset |
@@ -32,6 +32,7 @@ pub mod attached;
 mod cover;
 mod dialect;
 mod engine;
+mod extras;
 mod fields;
 pub mod fram;
 pub mod frame;

@@ -527,6 +527,28 @@ fn a_stop_behind_the_rest_of_a_damaged_frame_acts_within_a_second() {
     });
 }
 
+/// Stray bytes that look like the beginning of a long frame, right before the only stop, while the autopilot's stream runs on the same port.
+#[test]
+fn a_stop_behind_stray_bytes_acts_while_the_stream_runs() {
+    run(async |world| {
+        world.ready().await;
+        for stray in [&[0xFD, 0xFF, 0x00][..], &[0xFD, 0x80, 0x00], &[0xFE, 0xFF]] {
+            world.start(1).await;
+            let stop = COMMAND_LONG_DATA {
+                command: CMD_DO_ENGINE_CONTROL,
+                target_system: SYSTEM,
+                target_component: ENGINE[1],
+                ..Default::default()
+            };
+            world.say_bytes(TO_AUTOPILOT, stray);
+            world.say(TO_AUTOPILOT, GROUND, &stop);
+            world.pass_s(0.6).await;
+            assert_eq!(world.ordered(1), None, "the stop acts behind {stray:02X?}");
+            world.cold(1).await;
+        }
+    });
+}
+
 /// The answers to a start since frame `at`.
 fn answers(world: &World<'_>, at: usize) -> std::vec::Vec<u8> {
     let frames = world.frames.borrow();

@@ -6,6 +6,7 @@ mod commands;
 #[cfg(feature = "signing")]
 mod covering;
 mod damaged;
+mod extras;
 mod fram;
 mod mutated;
 mod packets;
