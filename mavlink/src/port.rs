@@ -119,15 +119,28 @@ pub(crate) struct Streams {
     sequence: u8,
 }
 
-/// A list of parameters that is being sent.
+/// A list of parameters that is being sent, and those that wait.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct List {
     /// Place of the component: 0 is the node, then the engines.
     pub place: usize,
-    /// Last place.
-    pub last: usize,
     pub index: u16,
+    /// A bit for each place whose list waits. A ground station may request all components at once.
+    pub waiting: u32,
     pub next: Instant,
+}
+
+impl List {
+    /// Begins the list of the next place that waits: the one that follows, and behind the last one the first. So each one has its turn, whatever is
+    /// requested again meanwhile. None: none waits.
+    pub fn following(self) -> Option<Self> {
+        let above = u32::MAX.checked_shl(self.place as u32).unwrap_or(0) & self.waiting; // 32 places
+        let bits = if above != 0 { above } else { self.waiting };
+        // Without its lowest bit.
+        let rest = bits & bits.checked_sub(1)?;
+        let waiting = self.waiting & !(bits ^ rest);
+        Some(Self { place: bits.trailing_zeros() as usize, index: 0, waiting, ..self })
+    }
 }
 
 #[derive(Debug)]

@@ -132,21 +132,35 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         true
     }
 
-    /// Begins a list; component 0 lists all of ours, one after the other.
+    /// Begins a list, or lets it wait for those that are requested already; component 0 lists all of ours, one after the other. What is
+    /// being listed starts anew.
     pub(super) fn list_parameters(&mut self, now: Instant, port: usize, target: Address) {
         let Some(system) = self.system(now, port) else { return };
         if target.system != system && target.system != 0 {
             return;
         }
-        let (place, last) = match (target.component, self.place(target.component)) {
+        let (first, last) = match (target.component, self.place(target.component)) {
             (0, _) => (0, self.engines.len()),
             (_, Some(Place::Node)) => (0, 0),
             (_, Some(Place::Engine(engine))) => (engine + 1, engine + 1),
             _ => return,
         };
-        if let Some(port) = self.ports.get_mut(port) {
-            port.list = Some(List { place, last, index: 0, next: now });
-        }
+        let Some(port) = self.ports.get_mut(port) else { return };
+        // A node has fewer engines than bits.
+        let mut places =
+            (first..=last).fold(0, |bits, place| bits | 1_u32.checked_shl(place as u32).unwrap_or(0));
+        port.list = match port.list {
+            None => List { place: first, index: 0, waiting: places, next: now }.following(),
+            Some(mut list) => {
+                let current = 1_u32.checked_shl(list.place as u32).unwrap_or(0);
+                if places & current != 0 {
+                    places &= !current;
+                    list.index = 0;
+                }
+                // The next parameter keeps its time: requests do not raise the rate.
+                Some(List { waiting: list.waiting | places, ..list })
+            }
+        };
     }
 
     /// Sends the list entries that are due. Returns when the next one is.
@@ -158,17 +172,16 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
                 continue;
             };
             let place = list.place.checked_sub(1).map_or(Place::Node, Place::Engine);
-            let continues = if self.send_parameter(now, port, place, list.index.into()) {
+            let continued = if self.send_parameter(now, port, place, list.index.into()) {
                 list.index = list.index.saturating_add(1);
-                true
+                Some(list)
             } else {
-                (list.place, list.index) = (list.place + 1, 0);
-                list.place <= list.last
+                list.following()
             };
             let bytes = PARAMETER_BYTES + self.signing.overhead();
             if let Some(port) = self.ports.get_mut(port) {
-                list.next = now + LIST_EVERY.max(port.quarter(bytes));
-                port.list = continues.then_some(list);
+                let next = now + LIST_EVERY.max(port.quarter(bytes));
+                port.list = continued.map(|list| List { next, ..list });
             }
         }
         self.ports.iter().filter_map(|port| port.list).map(|list| list.next).min()

@@ -77,6 +77,78 @@ fn a_list_has_every_setting_once_at_twenty_a_second() {
     });
 }
 
+/// As QGroundControl requests them: each component, half a second after the one before, or all at once. None cuts off another one.
+#[test]
+fn lists_of_several_components_are_all_sent_one_after_the_other() {
+    for every_s in [0.5, 0.0] {
+        run(async |world| {
+            world.ready().await;
+            let at = world.frames.borrow().len();
+            for component in [ENGINE[0], NODE, ENGINE[1]] {
+                list(world, component);
+                world.pass_s(every_s).await;
+            }
+            world.pass_s(10.0).await;
+            let frames = listed(world, at);
+            let mut indices: BTreeMap<u8, (u16, Vec<u16>)> = BTreeMap::new();
+            for (component, index, count, ..) in &frames {
+                indices.entry(*component).or_insert((*count, Vec::new())).1.push(*index);
+            }
+            assert_eq!(indices.len(), 3, "{indices:?}");
+            for (component, (count, indices)) in &indices {
+                assert_eq!(*indices, (0..*count).collect::<Vec<_>>(), "of {component}");
+            }
+            let mut order: Vec<_> = frames.iter().map(|(component, ..)| *component).collect();
+            order.dedup();
+            assert_eq!(order.len(), 3, "one after the other: {order:?}");
+        });
+    }
+}
+
+/// At the same rate, however often it is requested; and a request of a list that waits changes nothing.
+#[test]
+fn a_list_that_is_requested_again_starts_anew_at_the_same_rate() {
+    run(async |world| {
+        world.ready().await;
+        let at = world.frames.borrow().len();
+        list(world, ENGINE[0]);
+        world.pass_s(1.0).await;
+        let before = listed(world, at).len();
+        assert!((18..=21).contains(&before), "{before}");
+        list(world, ENGINE[1]);
+        list(world, ENGINE[0]);
+        list(world, ENGINE[1]);
+        world.pass_s(10.0).await;
+        let frames = listed(world, at);
+        let of = |component| frames.iter().filter(move |(from, ..)| *from == component);
+        let count = usize::from(of(ENGINE[0]).next().unwrap().2);
+        let indices: Vec<_> = of(ENGINE[0]).map(|(_, index, ..)| usize::from(*index)).collect();
+        assert_eq!(indices, (0..before).chain(0..count).collect::<Vec<_>>());
+        assert_eq!(of(ENGINE[1]).count(), usize::from(of(ENGINE[1]).next().unwrap().2));
+        // Of all components, from the present one on; nobody gets more by requesting more often.
+        let at = world.frames.borrow().len();
+        for _ in 0..100 {
+            list(world, 0);
+            list(world, ENGINE[1]);
+            world.pass_s(0.01).await;
+        }
+        let sent = listed(world, at).len();
+        assert!((18..=21).contains(&sent), "{sent} in a second");
+        world.pass_s(15.0).await;
+        let frames = listed(world, at);
+        for component in [NODE, ENGINE[0], ENGINE[1]] {
+            let indices: Vec<_> =
+                frames.iter().filter(|it| it.0 == component).map(|it| (it.1, it.2)).collect();
+            let count = usize::from(indices.last().unwrap().1);
+            let last = &indices[indices.len() - count..];
+            assert!(
+                last.iter().map(|(index, _)| usize::from(*index)).eq(0..count),
+                "{component}: {indices:?}"
+            );
+        }
+    });
+}
+
 #[test]
 fn an_engine_has_forty_parameters_at_most_and_what_is_left_out_exists() {
     let amt = EngineConfig::amt("amt", 0, Line::new(9600), None);
