@@ -241,7 +241,10 @@ impl Engine {
                 run.demand.shaped.is_below(run.demand.commanded)
             }
             // The governor turns an rpm into a throttle. Otherwise the commanded demand is of the other kind and not in force.
-            _ => run.own_speed_control || matches!(run.demand.shaped, Demand::Rpm(_)),
+            _ => {
+                let governs = !run.own_speed_control && self.config.governor.is_some();
+                !governs || matches!(run.demand.shaped, Demand::Rpm(_))
+            }
         };
         let shaped = run.stage != LossStage::None || run.limited || behind;
         let demand = if shaped { run.demand.shaped } else { run.demand.commanded };

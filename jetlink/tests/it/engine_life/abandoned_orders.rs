@@ -103,3 +103,32 @@ fn an_engine_that_is_seen_running_without_a_record_is_not_shut_down_at_once() {
         assert_eq!(scenario.order(), Order::Standby, "{reports:?}");
     }
 }
+
+/// A source that commands an rpm returns in a loop of resets that are too close together for the ECU's version. Behind the loop the demand
+/// rises from the fail-safe: the rpm was not sent since.
+#[test]
+fn an_rpm_that_no_reset_let_pass_does_not_jump_behind_them() {
+    let config = Ecu::Zk.with(|rules| rules.takeover.within = Duration::from_ticks(0));
+    let mut scenario = Scenario::started_with(Ecu::Zk, config, rpm(100_000));
+    scenario.reports = Some(Reports::Running);
+    scenario.fly_us(Command::Run(rpm(100_000)), Origin::Rc, 5 * SECOND);
+    assert_eq!(scenario.order(), Order::Run(rpm(100_000)));
+    // Silent until the fail-safe.
+    scenario.pass_us(5 * SECOND);
+    for _ in 0..20 {
+        let record = scenario.bench.machine.record();
+        scenario = Scenario::after_reset(Ecu::Zk, config, Some(record));
+        scenario.fly_us(Command::Run(rpm(100_000)), Origin::Rc, 480_000);
+    }
+    scenario.reports = Some(Reports::Running);
+    scenario.introduce();
+    let mut first = None;
+    for _ in 0..40 {
+        scenario.fly_us(Command::Run(rpm(100_000)), Origin::Rc, COMMAND_PERIOD_US);
+        if let (Order::Run(Demand::Rpm(rpm)), None) = (scenario.order(), first) {
+            first = Some(rpm.get());
+        }
+    }
+    assert!(first.is_some_and(|rpm| rpm < 40_000), "{first:?}");
+    assert_eq!(scenario.order(), Order::Run(rpm(100_000)));
+}
