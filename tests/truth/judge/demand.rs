@@ -186,8 +186,10 @@ impl Case<'_> {
                 (slewed, risen) = (share, share);
                 continue;
             };
-            // After a gap it rises from its previous value, whatever was commanded meanwhile.
-            let doubted = self.doubted(when, at);
+            // After a gap it rises from its previous value, whatever was commanded meanwhile, until the last slot.
+            let slot = at.saturating_sub(rules.period + 20 * MS);
+            let stick = self.command_log.run_in_control(slot) != self.command_log.run_in_control(at);
+            let doubted = !stick && self.doubted(when, at);
             let time = if doubted { (at - when).min(rules.period + 130 * MS) } else { at - when };
             // A governor has a rate of its own. What it sends is a throttle: a speed on the wire is held by the ECU.
             let throttle = matches!(demanded, Demanded::Throttle(_));

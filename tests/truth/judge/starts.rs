@@ -362,12 +362,16 @@ impl Case<'_> {
                     .any(|sample| sample.lit && matches!(sample.phase, Phase::LearningIdle | Phase::Running));
                 // The ECU acts on what was sent before the fault cleared, also for a moment after that. It
                 // reports the fault a moment after the flame went out, or that it runs until then.
+                let ran = |sample: &Sample| {
+                    let before = h.sample(sample.at.saturating_sub(60 * MS));
+                    before.is_some_and(|before| before.phase == Phase::Running)
+                };
                 let before = h.samples(out + 60 * MS, sent.saturating_sub(h.rules.period + 50 * MS));
                 self.traits().faults_hide_state
                     && burnt
                     && !since.is_empty()
                     && since.iter().any(|sample| sample.fault)
-                    && before.iter().all(|sample| sample.fault || sample.phase == Phase::Running)
+                    && before.iter().all(|sample| sample.fault || ran(sample))
                     && since.iter().all(|sample| {
                         sample.egt > h.rules.burning - BURNS || sample.at < counts || unmeasured(sample.at)
                     })

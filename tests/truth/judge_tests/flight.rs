@@ -33,6 +33,23 @@ fn a_demand_rises_from_the_one_that_was_sent_before_a_reset() {
     story(Cause::BrownOut, true).passes();
 }
 
+/// Behind a gap the demand rises, unless the stick moves when the engine is confirmed already (760003942).
+#[test]
+fn a_stick_that_moves_in_the_last_slot_of_a_gap_moves_the_demand() {
+    let run = |tenths| PilotCommand::Run(Demanded::Throttle(tenths));
+    let jumps = |moves: f64| {
+        flight(ZK5, 40.0)
+            .streams(PILOT, 40.0, moves, run(500))
+            .streams(PILOT, moves, 49.0, run(1000))
+            .wire(40.0, 41.2, Sent::Nothing)
+            .wire(41.2, 50.0, Sent::Full(Switch::Run, 1000))
+            .turbine(40.0, 50.0, Phase::Running, 100_000.0, 500.0)
+            .with(|h| h.mute = Spans::from(&[(40 * SECOND, 41 * SECOND)]))
+            .finds(Rule::Rate)
+    };
+    assert!(!jumps(41.18) && jumps(41.0));
+}
+
 #[test]
 fn a_demand_rises_at_a_rate_unless_a_pilot_moves_the_stick() {
     // The stick was up during the start.
