@@ -287,6 +287,9 @@ mod tests {
             "cut=right@30s+100s,flame-out=left@60s",
             "cut=centre@80s+20s,flame-out=centre@90s",
             "hot-start=left",
+            "hot-start=left,cut=right@0s+1000s",
+            "no-light=left,cut=left@20s+1000s",
+            "no-light=left,cut=left@0s+60s",
         ] {
             assert_eq!(check(text, false), Ok(()), "{text}");
         }
@@ -309,6 +312,12 @@ mod tests {
                 "after the cut at 2 s its flame burns again from about",
             ),
             ("hot-start=left", true, "cannot act with --standby"),
+            ("no-light=left,cut=left@0s+1000s", false, "no-light of left cannot act: its line is cut until"),
+            (
+                "cut=left@2s+1000s,hot-start=left",
+                false,
+                "hot-start of left cannot act: its line is cut until",
+            ),
         ] {
             let error = check(text, standby).unwrap_err();
             assert!(error.starts_with("--faults: ") && error.contains(part), "{text}: {error}");

@@ -107,9 +107,7 @@ pub fn run(args: &Args) -> ExitCode {
         complain(&error);
         return ExitCode::from(status);
     }
-    if let Some(notice) = &order.notice {
-        complain(notice);
-    }
+    order.notices.iter().for_each(|notice| complain(notice));
     match perform(args, &mut order) {
         Ok(status) => status,
         Err(error) => {

@@ -213,7 +213,7 @@ pub struct Order {
     /// The actions of a script file, and its end.
     pub script: Option<Actions>,
     /// What a person should know before the run.
-    pub notice: Option<String>,
+    pub notices: Vec<String>,
 }
 
 /// Reads the command line, and the script file that it names.
@@ -235,8 +235,7 @@ pub fn order(args: &Args) -> Result<Order, String> {
         Some(scenario) => scenario.engines.iter().map(|&text| text.to_owned()).collect(),
         None => header.engines.clone(),
     };
-    let notice = script.as_ref().zip(args.script.as_ref());
-    let notice = notice.and_then(|(script, path)| Some(format!("{path}: {}", script.of_another_version()?)));
+    let mut notices = Vec::new();
     let setup = setup(args, &header, scenario, &described)?;
     let script = match (script, &args.script) {
         (Some(script), Some(path)) => {
@@ -251,11 +250,21 @@ pub fn order(args: &Args) -> Result<Order, String> {
                 has_end: script.end.is_some(),
             };
             check(&actions, &played).map_err(|what| format!("{path}: {what}"))?;
+            let late = script.end.and_then(|end| setup.faults.after(end, &setup.engines));
+            if let Some(late) = late {
+                // A run that was played by hand may have been ended before its faults: its file plays the same.
+                let late = format!("{path}: {late}");
+                if actions.is_empty() {
+                    return Err(late);
+                }
+                notices.push(late);
+            }
+            notices.extend(script.of_another_version().map(|what| format!("{path}: {what}")));
             Some((actions, script.end))
         }
         _ => None,
     };
-    Ok(Order { setup, header, script, notice })
+    Ok(Order { setup, header, script, notices })
 }
 
 /// The command line in the words of a script file.

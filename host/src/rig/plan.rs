@@ -1,7 +1,7 @@
 //! When each engine is started and shut down, calculated from its turbine's times.
 
 use super::engines::Engine;
-use super::faults::{Failure, Faults};
+use super::faults::{Cut, Failure, Faults};
 use super::quantity::seconds;
 use super::simulated::parameters;
 use embassy_time::{Duration, Instant};
@@ -134,6 +134,20 @@ impl Plan {
         Err(format!("its flame burns from about {:.0} s to {:.0} s in this run", seconds(lit), seconds(out)))
     }
 
+    /// The flame-out after which it cannot burn yet at this time, and when it does at the earliest: it cools, and is started again.
+    pub fn out_until(
+        &self,
+        engine: usize,
+        config: &Engine,
+        mut others: impl Iterator<Item = Duration>,
+        at: Duration,
+    ) -> Option<(Duration, Duration)> {
+        let times = self.engines.get(engine).filter(|_| self.flown_by == FlownBy::Pilots)?;
+        let again = times.cooling_takes + lights_after(config);
+        let first = others.find(|&first| (first..first + again).contains(&at))?;
+        Some((first, first + again))
+    }
+
     fn standby(engines: usize, length: Option<Duration>, faults: &mut Faults) -> Result<Self, String> {
         let length = length.unwrap_or(Duration::from_secs(10));
         if length < SHORTEST_STANDBY {
@@ -200,6 +214,23 @@ fn text(time: Duration) -> String {
 }
 
 impl Faults {
+    /// The first of them that comes after this end of the run, which a script file sets.
+    pub fn after(&self, end: Duration, engines: &[Engine]) -> Option<String> {
+        let name = |engine: usize| engines.get(engine).map_or("?", Engine::name);
+        let at = |what: &str, engine: usize, at: Duration| {
+            (at >= end).then(|| format!("the {what} of {} at {} s", name(engine), seconds(at)))
+        };
+        let noise = (self.on_lines() && self.from >= end)
+            .then(|| format!("the noise from {} s on", seconds(self.from)));
+        let cuts = self.cuts.iter().filter_map(|cut| at("cut", cut.engine, cut.at));
+        let failures = self.failures.iter().filter_map(|&(engine, failure)| match failure {
+            Failure::FlameOut(when) => at("flame-out", engine, when),
+            Failure::HotStart | Failure::NoLight => None,
+        });
+        let first = noise.into_iter().chain(cuts).chain(failures).next()?;
+        Some(format!("{first} comes after the end of the run at {} s", seconds(end)))
+    }
+
     /// Whether each of them can act in this run.
     pub fn check(&self, plan: &Plan, engines: &[Engine]) -> Result<(), String> {
         let name = |engine: usize| engines.get(engine).map_or("?", Engine::name);
@@ -229,15 +260,29 @@ impl Faults {
                     continue;
                 }
             }
-            let (Failure::FlameOut(at), Some(times), Some(config)) =
-                (failure, plan.engines.get(engine), engines.get(engine))
-            else {
+            let (Some(times), Some(config)) = (plan.engines.get(engine), engines.get(engine)) else {
+                continue;
+            };
+            let Failure::FlameOut(at) = failure else {
+                // The command to run has to reach the ECU at some time.
+                let is_kept = |cut: &&Cut| {
+                    cut.engine == engine
+                        && Instant::MIN + cut.at <= times.start_at
+                        && Instant::MIN + cut.at + cut.length >= times.shutdown_at
+                };
+                if let Some(cut) = self.cuts.iter().find(is_kept) {
+                    return Err(format!(
+                        "--faults: {} of {} cannot act: its line is cut until {} s, and no start comes through",
+                        failure.name(),
+                        name(engine),
+                        seconds(cut.at + cut.length)
+                    ));
+                }
                 continue;
             };
             plan.burns(engine, config, at).map_err(|what| {
                 format!("--faults: flame-out of {} at {} s: {what}", name(engine), seconds(at))
             })?;
-            let lights = lights_after(config);
             if let Some((cut, again)) = self.stopped_by_a_cut(engine, config, times, at) {
                 return Err(format!(
                     "--faults: flame-out of {} at {} s: after the cut at {} s its flame burns again from about {:.0} s",
@@ -247,21 +292,18 @@ impl Faults {
                     seconds(again)
                 ));
             }
-            // After a flame-out the engine cools, and is started again.
-            let again = times.cooling_takes + lights;
-            let too_early = self.failures.iter().enumerate().find_map(|(j, &(of, other))| match other {
-                Failure::FlameOut(first) if j != i && of == engine => {
-                    (first..first + again).contains(&at).then_some(first)
-                }
-                _ => None,
+            let others = self.failures.iter().enumerate().filter(|(j, (of, _))| *j != i && *of == engine);
+            let others = others.filter_map(|(_, (_, other))| match other {
+                Failure::FlameOut(first) => Some(*first),
+                Failure::HotStart | Failure::NoLight => None,
             });
-            if let Some(first) = too_early {
+            if let Some((first, again)) = plan.out_until(engine, config, others, at) {
                 return Err(format!(
                     "--faults: flame-out of {} at {} s: after the one at {} s its flame burns again from about {:.0} s",
                     name(engine),
                     seconds(at),
                     seconds(first),
-                    seconds(first + again)
+                    seconds(again)
                 ));
             }
         }

@@ -13,7 +13,7 @@ use super::outcome::{End, Outcome, Outcomes};
 use super::pilot::Pilot;
 use super::plan::{EnginePlan, FlownBy, Plan};
 use super::play::action::Fault;
-use super::play::player::Player;
+use super::play::player::{NO_FLAME, Player};
 use super::radio::Radio;
 use super::sample::{Detail, SAMPLE_EVERY, Sample};
 use super::scenario::{Scenario, ScenarioContext};
@@ -626,10 +626,11 @@ async fn disturb(setup: &Setup, contexts: &[EngineContext<'_>], plugs: &[Plug<An
                             turbine.no_light(true);
                             "no start will light"
                         }
-                        Failure::FlameOut(_) => {
+                        Failure::FlameOut(_) if turbine.thrust() > 0.0 => {
                             turbine.flame_out();
                             "the flame goes out"
                         }
+                        Failure::FlameOut(_) => NO_FLAME,
                     }
                 });
                 notes.add(Some(engine), what);

@@ -23,7 +23,7 @@ pub struct Played<'a> {
 /// Checks that each of them can act.
 pub fn check(actions: &[(Instant, Action)], played: &Played<'_>) -> Result<(), String> {
     let mut lasting = vec![Disturbances::default(); played.engines.len()];
-    for &(at, action) in actions {
+    for (place, &(at, action)) in actions.iter().enumerate() {
         let Act::Fault(fault, begins) = action.act else { continue };
         let wrong = |what: &str| {
             Err(format!("`{} {}`: {what}", seconds(at - Instant::MIN), action.text(played.engines)))
@@ -52,7 +52,18 @@ pub fn check(actions: &[(Instant, Action)], played: &Played<'_>) -> Result<(), S
                 // It is unknown when a script restarts.
                 let flown = !acts(actions, *engine).any(|other| other < at);
                 let config = played.engines.get(*engine)?;
-                played.plan.burns(*engine, config, at - Instant::MIN).err().filter(|_| flown)
+                let when = at - Instant::MIN;
+                let before = actions.iter().take(place).filter(|(_, other)| {
+                    other.act == action.act && other.engine.is_none_or(|of| of == *engine)
+                });
+                let before = before.map(|(at, _)| *at - Instant::MIN);
+                let burns = played.plan.burns(*engine, config, when);
+                // Not every pilot starts it again.
+                let out = played.plan.out_until(*engine, config, before, when).map(|(first, again)| {
+                    let (first, again) = (seconds(first), seconds(again));
+                    format!("after the one at {first} s its flame does not burn before about {again:.0} s")
+                });
+                burns.err().or(out).filter(|_| flown)
             };
             let out: Vec<String> = concerned.iter().filter_map(is_out).collect();
             if let Some(what) = out.first().filter(|_| out.len() == concerned.len()) {
@@ -106,6 +117,9 @@ mod tests {
             "1 left disarm\n2 left script\n170 left flame-out",
             "3 left flame-out\n9 end",
             "5 left node-reset\n5 left node-reset",
+            "40 left flame-out\n60 right flame-out\n110 left flame-out",
+            "60 left flame-out\n61 left flame-out\n70 end",
+            "60 left flame-out\n61 all flame-out",
         ] {
             assert_eq!(check(text, false), Ok(()), "{text}");
         }
@@ -120,6 +134,11 @@ mod tests {
             ("5 left cut\n6 left cut", "that lasts already"),
             ("5 all noise\n6 left quiet\n7 all quiet\n8 all quiet", "`8 all quiet`"),
             ("5 left mend\n9 end", "nothing of that kind lasts"),
+            (
+                "60 left flame-out\n61 left flame-out",
+                "`61 left flame-out`: after the one at 60 s its flame does not burn before about 123 s",
+            ),
+            ("60 all flame-out\n61 left flame-out", "after the one at 60 s its flame does not burn before"),
         ] {
             let error = check(text, false).expect_err(text);
             assert!(error.contains(part), "{text}: {error}");

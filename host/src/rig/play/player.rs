@@ -32,6 +32,9 @@ const WHOLE: u32 = 1000;
 /// Without a hand-over channel.
 const NO_HAND_OVER: &str = "there is no hand-over switch: --rc sbus,hand=7";
 
+/// Event of a flame-out that cannot act.
+pub const NO_FLAME: &str = "no flame burns that could go out";
+
 /// The player's state of one engine, beyond its context.
 #[derive(Debug, Default)]
 struct Hand {
@@ -379,7 +382,7 @@ impl<'a> Player<'a> {
             || self.plugs.get(engine).is_some_and(|plug| plug.ecu(|ecu| ecu.turbine().thrust() > 0.0));
         let lasts = self.faults(engine).contains(&fault);
         match fault {
-            Fault::FlameOut if !burns() => Some("no flame burns that could go out"),
+            Fault::FlameOut if !burns() => Some(NO_FLAME),
             _ if fault.is_once() => None,
             _ if begins && lasts => Some("that lasts already"),
             _ if !begins && !lasts => Some("nothing of that kind lasts"),

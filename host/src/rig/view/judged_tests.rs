@@ -431,6 +431,43 @@ fn a_fault_that_cannot_act_changes_nothing() {
     assert!(by_key.outcomes.actions.is_empty(), "{:?}", by_key.outcomes.actions);
     let hot = run("hot", &format!("{AMT}60 left flame-out\n70 end\n")).unwrap();
     assert!(hot.outcomes.engines[0].played.is_some() && hot.happened("no flame burns") == 0);
+    // Of `faults`, for an engine that was taken from its script.
+    let planned = format!("{AMT}faults flame-out=left@60s\n");
+    let stopped = run("stopped", &format!("{planned}1 left standby\n62 end\n")).unwrap();
+    assert_eq!(
+        (stopped.happened("no flame burns that could go out"), stopped.happened("flame goes")),
+        (1, 0)
+    );
+    let flown = run("flown", &format!("{planned}62 end\n")).unwrap();
+    assert_eq!((flown.happened("no flame burns"), flown.happened("the flame goes out")), (0, 1));
+}
+
+/// The file of a run that a key ended before its faults has actions: it is played, with a notice.
+#[test]
+fn a_fault_after_the_end_of_its_script_file_is_refused() {
+    let path = std::env::temp_dir().join(format!("jetlink-judged-{}-late", std::process::id()));
+    for (faults, late) in [
+        ("cut=left@60s+5s", "the cut of left at 60 s comes after the end of the run at 5 s"),
+        ("flame-out=left@60s", "the flame-out of left at 60 s comes after the end of the run at 5 s"),
+        ("cut=left@5s+5s", "the cut of left at 5 s comes after the end"),
+        ("light,from=30s", "the noise from 30 s on comes after the end of the run at 5 s"),
+        ("light,from=4s,cut=left@4.9s+5s", ""),
+    ] {
+        for (actions, is_refused) in [("", true), ("1 left standby\n", false)] {
+            std::fs::write(&path, format!("{HEAD}{AMT}faults {faults}\n{actions}5 end\n")).unwrap();
+            let order = order(&Cli::parse_from(["rig", "--fast", "--script", path.to_str().unwrap()]).args);
+            let expected = format!("{}: {late}", path.display());
+            match order {
+                _ if late.is_empty() => assert_eq!(order.unwrap().notices, Vec::<String>::new()),
+                Err(error) => assert!(is_refused && error.starts_with(&expected), "{error}"),
+                Ok(order) => {
+                    let notices = order.notices.join("\n");
+                    assert!(!is_refused && notices.starts_with(&expected), "{faults}: {notices}");
+                }
+            }
+        }
+    }
+    std::fs::remove_file(&path).unwrap();
 }
 
 /// The steps after a stop are one sentence, in the event and on the page Why: disarm and arm, then start.
