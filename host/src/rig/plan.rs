@@ -265,12 +265,12 @@ impl Faults {
             };
             let Failure::FlameOut(at) = failure else {
                 // The command to run has to reach the ECU at some time.
-                let is_kept = |cut: &&Cut| {
+                let covers = |cut: &&Cut| {
                     cut.engine == engine
                         && Instant::MIN + cut.at <= times.start_at
                         && Instant::MIN + cut.at + cut.length >= times.shutdown_at
                 };
-                if let Some(cut) = self.cuts.iter().find(is_kept) {
+                if let Some(cut) = self.cuts.iter().find(covers) {
                     return Err(format!(
                         "--faults: {} of {} cannot act: its line is cut until {} s, and no start comes through",
                         failure.name(),
