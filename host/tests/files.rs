@@ -174,6 +174,25 @@ fn the_command_that_plays_a_run_again_is_quoted_for_a_shell() {
     assert_eq!(text(&words.stdout), format!("--script\n{}\n--fast\n", script.display()));
 }
 
+/// A played run is not lost with its file.
+#[test]
+fn a_script_that_cannot_be_saved_is_printed() {
+    let script = folder("unsaved").join("run.txt");
+    let text_of = |end: &str| {
+        let engines = "seed 1\nengine name=left,ecu=zk\nstandby\n";
+        format!(
+            "jetlink rig script, version {}\n{engines}1.0 left disarm\n{end} end\n",
+            env!("CARGO_PKG_VERSION")
+        )
+    };
+    fs::write(&script, text_of("3.0")).unwrap();
+    let output = rig(&["--fast", "--script", script.to_str().unwrap(), "--save-script", "/dev/full"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains("cannot write /dev/full"), "{}", text(&output.stderr));
+    let printed = text(&output.stdout);
+    assert!(printed.ends_with(&format!("\nThe script file of this run:\n{}", text_of("3.0"))), "{printed}");
+}
+
 #[test]
 fn two_options_cannot_name_one_file() {
     let folder = folder("one-file");
@@ -503,6 +522,16 @@ fn the_summary_fits_80_columns() {
         for i in 1..=count {
             assert!(summary.contains(&format!("an-engine-{i:02}")), "{summary}");
         }
+    }
+    let scenarios = text(&rig(&["--list-scenarios"]).stdout);
+    let names: Vec<&str> = scenarios.lines().filter_map(|line| line.split_whitespace().next()).collect();
+    assert!(names.len() > 10, "{scenarios}");
+    for name in names {
+        let output = text(&rig(&["--fast", "--scenario", name]).stdout);
+        let (_, summary) = output.split_once("\nSummary after").expect("a summary");
+        assert!(summary.contains("\nExpected events"), "{summary}");
+        let wide = summary.lines().find(|line| line.chars().count() > 80);
+        assert_eq!(wide, None, "{name}");
     }
 }
 

@@ -295,9 +295,21 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
         _ => Ok(()),
     };
     let saved = save_script(args, order, &outcomes, &end);
-    if let Ok(Some(saved)) = &saved {
-        text += &format!("To play it again: cargo rig --script {} --fast\n", output::quoted(saved));
-    }
+    let saved = match saved {
+        Ok(saved) => {
+            text += &saved.map_or_else(String::new, |saved| {
+                format!("To play it again: cargo rig --script {} --fast\n", output::quoted(&saved))
+            });
+            Ok(())
+        }
+        Err(Unsaved { error, script }) => {
+            // What was played by hand cannot be repeated without it.
+            if outcomes.is_played() {
+                text += &format!("\nThe script file of this run:\n{script}");
+            }
+            Err(error)
+        }
+    };
     // Even if something could not be written, the known results are printed, unless nobody can read them.
     let printed = match &shown.error {
         Some(ShowError::Screen(_)) => Ok(()),
@@ -313,7 +325,7 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
             Some(ShowError::Screen(_)) | None => Ok(()),
         },
         reported,
-        saved.map(drop),
+        saved,
         printed.or_else(|error| {
             if nobody_reads || reader_left(&error) { Ok(()) } else { Err(out.cannot_write(&error)) }
         }),
@@ -328,26 +340,37 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
     })
 }
 
+/// A script file that could not be written.
+struct Unsaved {
+    /// Why.
+    error: String,
+    /// Its text.
+    script: String,
+}
+
 /// Writes the actions to the requested file; without one, and if a key has acted, to a new file.
 fn save_script(
     args: &Args,
     order: &Order,
     outcomes: &Outcomes,
     end: &EndRequest,
-) -> Result<Option<PathBuf>, String> {
-    let over = (outcomes.is_played() || outcomes.end == End::Over).then(|| Instant::MIN + outcomes.length);
+) -> Result<Option<PathBuf>, Unsaved> {
+    // Nothing but an end ends a run without pilots.
+    let has_end = outcomes.is_played() || outcomes.end == End::Over || order.setup.is_commanded();
+    let over = has_end.then(|| Instant::MIN + outcomes.length);
     let text = script::text(&order.header, &order.setup.engines, &outcomes.actions, over);
-    match &args.save_script {
-        Some(path) => {
-            waiting::write(path, &text, end).map_err(|error| output::cannot_write(path, &error))?;
-            Ok(Some(PathBuf::from(path)))
-        }
+    let saved = match &args.save_script {
+        Some(path) => match waiting::write(path, &text, end) {
+            Ok(()) => Ok(Some(PathBuf::from(path))),
+            Err(error) => Err(output::cannot_write(path, &error)),
+        },
         None if outcomes.by_key && order.setup.plays_again() => {
             let name = format!("jetlink-rig-{}", std::process::id());
             output::write_new(&std::env::temp_dir(), &name, "txt", &text).map(Some)
         }
         None => Ok(None),
-    }
+    };
+    saved.map_err(|error| Unsaved { error, script: text })
 }
 
 /// Columns of the terminal.

@@ -12,6 +12,8 @@ use jetlink::report::LinkState;
 /// Columns of the heads, and of an engine: with names of 12 letters four engines fill 80 columns.
 const HEAD: usize = 28;
 const ENGINE: usize = 13;
+/// Columns before an expected event.
+const CHECK: usize = 9;
 /// Engines beside one another, however wide the screen is.
 const MOST_BESIDE: usize = 4;
 
@@ -167,7 +169,11 @@ pub fn text(outcomes: &Outcomes, problems: &[String], ended_by: Option<EndedBy>,
     if !outcomes.checks.is_empty() {
         text += "\nExpected events, by what was on the wires and what the simulated engines did\n";
         for check in &outcomes.checks {
-            text += &format!("  {:<6} {}\n", if check.held { "yes" } else { "NO" }, check.what);
+            let check = format!("  {:<6} {}", if check.held { "yes" } else { "NO" }, check.what);
+            for line in wrapped(&check, width, CHECK, '…') {
+                text += &line;
+                text.push('\n');
+            }
         }
     }
 

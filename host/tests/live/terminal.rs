@@ -368,6 +368,39 @@ fn keys_beside_a_script_are_saved_with_it() {
     assert!(live.starts_with(&summary(&again).expect("a summary")), "{live}{again}");
 }
 
+/// There is no folder for it.
+#[test]
+fn a_played_run_that_cannot_be_saved_is_printed() {
+    let mut command = jetlink(&["--standby", "--duration", "600s"]);
+    command.env("TMPDIR", "/nonexistent");
+    let mut terminal = Terminal::start_as("xterm-256color", command);
+    terminal.is_live();
+    terminal.types(b" ");
+    wait_until("the key acts", || terminal.output().contains("emergency-stop"));
+    terminal.types(b"q");
+    let (ended, text) = terminal.end();
+    assert_eq!(ended.code(), Some(1), "{text}");
+    let (_, script) = text.split_once("The script file of this run:\n").expect("the script");
+    assert!(
+        script.starts_with("jetlink rig script, version ") && script.contains(" all emergency-stop\n"),
+        "{text}"
+    );
+    assert!(text.contains("cannot write /nonexistent/"), "{text}");
+}
+
+/// A run without pilots ends by its script file alone.
+#[test]
+fn a_run_by_radio_control_that_nobody_played_is_saved_with_its_end() {
+    let script = file("untouched.txt");
+    let mut terminal = Terminal::start(&["--rc", "sbus", "--save-script", script.to_str().unwrap()]);
+    terminal.is_live();
+    terminal.types(b"q");
+    let (ended, text) = terminal.end();
+    assert_eq!(ended.code(), Some(0), "{text}");
+    let again = jetlink(&["--fast", "--script", script.to_str().unwrap()]).output().expect("it runs");
+    assert_eq!(again.status.code(), Some(0), "{}", String::from_utf8_lossy(&again.stderr));
+}
+
 #[test]
 fn a_run_that_is_complete_stays_until_it_is_ended() {
     let csv = file("complete.csv");
