@@ -459,6 +459,20 @@ fn the_wrong_protocol_is_hinted_at() {
     assert!(!outcome.stderr.contains("hint"), "{outcome:?}");
 }
 
+/// The most that may be the beginning of an AMT frame, and as many bytes that belong to none.
+#[test]
+fn the_documentation_has_the_bytes_that_a_hint_needs() {
+    let enough = 2 * (jetlink::ecu::amt::codec::MAX_FRAME_LEN - 1) + 1;
+    let page = include_str!("../../docs/decode.md");
+    assert!(page.contains(&format!("fewer than {enough} bytes")), "{enough}");
+    let beginning = b"\xff\x05\xf7\xe8>10.36 150203";
+    for (bytes, hinted) in [(enough - 1, false), (enough, true)] {
+        let input = [&vec![0; bytes - beginning.len()][..], beginning].concat();
+        let outcome = decode(&["--protocol", "zk"], &input);
+        assert_eq!(outcome.stderr.contains("hint: "), hinted, "{bytes}: {outcome:?}");
+    }
+}
+
 /// Ctrl-C ends both sides of `cat /dev/ttyUSB0 | jetlink decode`: what was read is still summed up.
 #[test]
 #[cfg(unix)]

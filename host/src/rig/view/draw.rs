@@ -4,6 +4,7 @@ use super::super::fit::{first_that_fits, wrapped};
 use super::super::play::action::Fault;
 use super::super::quantity::seconds;
 use super::super::story;
+use super::keys::Key;
 use super::model::{Event, Model, Page, Popup, Verdict};
 use super::theme::{Theme, Tone};
 use super::{charts, panels, popup, rows, why, wire};
@@ -144,7 +145,8 @@ fn story_line(model: &Model, theme: Theme, width: u16) -> Line<'static> {
 fn footer(model: &Model, theme: Theme, width: u16) -> Line<'static> {
     let mut line: Vec<Span<'static>> = Vec::new();
     let mut used = 0;
-    for key in model.keys().filter(|key| !key.short.is_empty()) {
+    let acts = |key: &&Key| !(key.short.is_empty() || model.transmitter && key.is_without_transmitter());
+    for key in model.keys().filter(acts) {
         let text = format!("{} {}", key.name, key.short);
         let length = text.len() + 2;
         if used + length > usize::from(width) {

@@ -47,6 +47,23 @@ fn every_key_is_on_the_help_screen_at_80_by_24() {
     assert!(screen.contains("start after an emergency stop: r y, then d a s"), "{screen}");
 }
 
+/// What `?` says of a key, and the last line of the screen.
+#[test]
+fn a_key_that_does_nothing_with_a_transmitter_is_not_offered() {
+    for (rc, offered) in [("", true), ("rc sbus\n", false)] {
+        let script = format!("jetlink rig script, version 0.1.0\nengine name=left,ecu=zk\n{rc}");
+        let mut played = super::tests::play("offered", &format!("{script}1 left noise\n2 end\n"), &[], 2.0);
+        played.model.transmitter = !rc.is_empty();
+        let footer = |model: &Model| text(&buffer(model, COLOUR, 140, 30)).lines().last().unwrap().to_owned();
+        let line = footer(&played.model);
+        assert_eq!(line.contains("b script"), offered, "{line}");
+        assert!(line.contains("STOP ALL") && line.contains("t standby"), "{line}");
+        played.model.popup = Some(Popup::Help);
+        let help = text(&buffer(&played.model, COLOUR, 140, 30));
+        assert_eq!(help.contains("nothing: there is no script"), !offered, "{help}");
+    }
+}
+
 /// The keys that the help names for it, after an emergency stop of a cold engine; without any one of them it stays off.
 #[test]
 fn keys_that_the_help_names_start_an_engine_after_an_emergency_stop() {

@@ -76,6 +76,16 @@ pub struct Key {
     pub short: &'static str,
 }
 
+impl Key {
+    /// Whether it does nothing where the keys move a transmitter.
+    pub fn is_without_transmitter(&self) -> bool {
+        by_transmitter(self) == NOTHING
+    }
+}
+
+/// Effect of a key that acts on scripts, where the keys move a transmitter.
+const NOTHING: &str = "nothing: there is no script";
+
 const fn key(
     codes: &'static [KeyCode],
     name: &'static str,
@@ -194,7 +204,7 @@ pub fn by_transmitter(key: &Key) -> &'static str {
         Does::Wish(Wish::Step(-200)) => "the stick 20 % down",
         Does::Wish(Wish::HandOver) => "hand over, or take back",
         Does::Wish(Wish::Toggle(Fault::Silence)) => "the transmitter off, or on",
-        Does::Wish(Wish::Act(Act::Script)) => "nothing: there is no script",
+        Does::Wish(Wish::Act(Act::Script)) => NOTHING,
         _ => key.text,
     }
 }
