@@ -17,7 +17,7 @@ static FAILED: RetainedWord = RetainedWord::new();
 #[unsafe(link_section = ".retained.crashed")]
 static CRASHED: RetainedWord = RetainedWord::new();
 
-/// The firmware ended for something that it has no part in.
+/// The firmware ended, and had not failed: [`leave`].
 const LEFT: u32 = u32::MAX;
 
 /// A start begins. Returns what failed before it. Call it once, before the clock runs.

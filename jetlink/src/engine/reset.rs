@@ -242,8 +242,9 @@ impl Engine {
             }
             // The governor turns an rpm into a throttle. Otherwise the commanded demand is of the other kind and not in force.
             _ => {
-                let governs = !run.own_speed_control && self.config.governor.is_some();
-                !governs || matches!(run.demand.shaped, Demand::Rpm(_))
+                run.own_speed_control
+                    || self.config.governor.is_none()
+                    || matches!(run.demand.shaped, Demand::Rpm(_))
             }
         };
         let shaped = run.stage != LossStage::None || run.limited || behind;

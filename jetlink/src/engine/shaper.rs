@@ -416,11 +416,9 @@ impl Lowered {
     /// `goes_out`: it goes to the ECU. In doubt it may not: a demand that is lowered then is a lowering until it does, and from then on.
     /// `sent`: the last one that the ECU was sent. One that was never sent is lowered by nothing.
     pub fn observe(&mut self, now: Instant, demand: Demand, goes_out: bool, sent: Demand) {
-        self.from = match (self.from, sent) {
-            (Demand::Throttle(from), Demand::Throttle(sent)) => Demand::Throttle(from.max(sent)),
-            (Demand::Rpm(from), Demand::Rpm(sent)) => Demand::Rpm(from.max(sent)),
-            (from, _) => from,
-        };
+        if self.from.is_below(sent) {
+            self.from = sent;
+        }
         let (value, from, band) = match (demand, self.from) {
             (Demand::Throttle(demand), Demand::Throttle(from)) => {
                 (demand.tenths().into(), from.tenths().into(), LOWERED_BY)

@@ -66,7 +66,7 @@ impl Engine {
             Mode::Stop(_) | Mode::Standby => return,
         };
         if let Some(by) = late {
-            // A restart by the ECU begins with its report; the time of a start may have begun before a reset.
+            // A restart by the ECU begins with its report.
             let began = match &self.mode {
                 Mode::Run(run) if !run.life.reached() => run.began,
                 _ => by.checked_sub(start_time).unwrap_or(by),
