@@ -716,6 +716,11 @@ impl History {
         &self.frames[first..last]
     }
 
+    /// The first frame of an interval with run in it.
+    pub fn first_run(&self, from_us: u64, to_us: u64) -> Option<&Frame> {
+        self.frames_within(from_us, to_us).iter().find(|frame| frame.sent.switch() == Some(Switch::Run))
+    }
+
     /// The times in which a condition held, by the samples.
     pub fn times(&self, is: impl Fn(&Sample) -> bool) -> Spans {
         let mut spans = Spans::default();

@@ -97,7 +97,6 @@ impl Case<'_> {
         resets.peek().is_some()
             && resets.all(|reset| reset.cause == Cause::Watchdog)
             && !self.holds_rpm(at)
-            && !self.governed(at)
             && !self.h.noise.touches(when.saturating_sub(SECOND), at)
     }
 

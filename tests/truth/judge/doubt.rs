@@ -2,7 +2,7 @@
 //! may be sent.
 
 use super::case::{Case, Rule, seconds};
-use crate::history::{Demanded, Frame, MS, PilotCommand, SECOND, Sent, Spans, Switch};
+use crate::history::{Demanded, MS, PilotCommand, SECOND, Sent, Spans, Switch};
 
 /// Time for which damaged frames count as frames.
 const DAMAGED_MAX: u64 = 10 * SECOND;
@@ -88,8 +88,7 @@ impl Case<'_> {
                 continue;
             }
             self.verdict.count("gaps among error sets without an exhaust", 1);
-            let run = |frame: &&Frame| frame.sent.switch() == Some(Switch::Run);
-            if let Some(frame) = h.frames_within(to, until).iter().find(run) {
+            if let Some(frame) = h.first_run(to, until) {
                 let text = format!(
                     "run, and since the gap at {} neither a state nor an exhaust confirms the engine",
                     seconds(from)
@@ -121,8 +120,7 @@ impl Case<'_> {
                 continue;
             }
             self.verdict.count("slow shafts that raise doubt", 1);
-            let run = |frame: &&Frame| frame.sent.switch() == Some(Switch::Run);
-            if let Some(frame) = h.frames_within(from, to).iter().find(run) {
+            if let Some(frame) = h.first_run(from, to) {
                 let text = format!(
                     "{}, and a frame reported at {} that the shaft is at rest",
                     frame.sent,

@@ -2,7 +2,7 @@
 //! documented begins.
 
 use super::case::{Case, Rule, seconds};
-use crate::history::{Cause, Frame, MS, PilotCommand, SECOND, Spans, Switch};
+use crate::history::{Cause, MS, PilotCommand, SECOND, Spans};
 use sim::turbine::Phase;
 
 /// Time from a command until the turbine is out, with every wire intact.
@@ -97,8 +97,7 @@ impl Case<'_> {
             let lost = h.resets.iter().find(|reset| reset.up > at && reset.cause == Cause::PowerOn);
             let until = next.map_or(h.end, |next| next.at).min(lost.map_or(h.end, |lost| lost.down));
             done = until;
-            let run = |frame: &&Frame| frame.sent.switch() == Some(Switch::Run);
-            if let Some(frame) = h.frames_within(at, until).iter().find(run) {
+            if let Some(frame) = h.first_run(at, until) {
                 let text = format!("run, and nobody has commanded it since standby at {}", seconds(since));
                 self.verdict.finding(Rule::Obeyed, frame.at, text);
             }
@@ -207,11 +206,11 @@ impl Case<'_> {
                 .any(|command| matches!(command.command, PilotCommand::Disarm | PilotCommand::Release));
             let armed = self.command_log.surely_armed(since) && self.command_log.surely_armed(due);
             // A start that waits ends with its source, and goes with the next run that it commands.
-            let again = h.commanded(due - GRANTED, due).iter();
-            let again = again.filter(|again| again.source == commanded.source);
+            let mut again = h.commanded(due - GRANTED, due).iter();
             let fresh = !waits
-                || again.clone().any(|again| matches!(again.command, PilotCommand::Run(_)))
-                    && self.command_log.commands_since(commanded.source, due).is_some_and(|from| from < at);
+                || again.any(|again| {
+                    again.source == commanded.source && matches!(again.command, PilotCommand::Run(_))
+                }) && self.command_log.commands_since(commanded.source, due).is_some_and(|from| from < at);
             let samples = h.samples(since, at);
             let cold = samples.iter().all(|sample| {
                 sample.phase == Phase::Standby && sample.egt < rules.egt_max - 10.0 && sample.flow == 0.0
@@ -234,7 +233,7 @@ impl Case<'_> {
             }
             self.verdict.count("starts that have to be granted", 1);
             self.verdict.count("starts that have to go when they may", u64::from(waits));
-            if !h.frames_within(at, due).iter().any(|frame| frame.sent.switch() == Some(Switch::Run)) {
+            if h.first_run(at, due).is_none() {
                 let text = format!(
                     "source {} commands standby and then run at idle, and no run is on the wire",
                     commanded.source

@@ -2,7 +2,7 @@
 //! run.
 
 use super::case::{Case, Rule, seconds};
-use crate::history::{Cause, MS, Mark, SECOND, Sample, Spans, Switch};
+use crate::history::{Cause, MS, Mark, SECOND, Sample, Spans};
 use sim::turbine::Phase;
 
 /// An instant from which a burning engine is in another life than that of its order, and the time by which a node knows it, if
@@ -34,8 +34,7 @@ impl Case<'_> {
             let Some((_, out)) = burns.filter(|_| known > reported && !h.pwm.touches(at, known)) else {
                 continue;
             };
-            let run = |frame: &&crate::history::Frame| frame.sent.switch() == Some(Switch::Run);
-            if let Some(frame) = h.frames_within(known, out.min(next)).iter().find(run) {
+            if let Some(frame) = h.first_run(known, out.min(next)) {
                 let text = format!("run, and the engine burns again: {why}, since {}", seconds(at));
                 self.verdict.finding(Rule::SecondLife, frame.at, text);
                 reported = known + 10 * SECOND;

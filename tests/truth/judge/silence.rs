@@ -83,8 +83,7 @@ impl Case<'_> {
         let rules = &h.rules;
         let age = rules.ages.into_iter().max().unwrap_or_default();
         let ends = from_us + age + rules.hold + rules.standby_after.unwrap_or(RUN_OUT) + SECOND;
-        let sent = h.frames_within(ends, to_us).iter().find(|frame| frame.sent.switch() == Some(Switch::Run));
-        let Some(frame) = sent else { return };
+        let Some(frame) = h.first_run(ends, to_us) else { return };
         let ran = h
             .samples(from_us, frame.at)
             .iter()

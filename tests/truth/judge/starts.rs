@@ -223,8 +223,7 @@ impl Case<'_> {
 
     /// When run is sent after a commanded start, within this time.
     fn began(&self, requested: u64, at: u64) -> u64 {
-        let mut frames = self.h.frames_within(requested, at).iter();
-        frames.find(|frame| frame.sent.switch() == Some(Switch::Run)).map_or(at, |frame| frame.at)
+        self.h.first_run(requested, at).map_or(at, |frame| frame.at)
     }
 
     /// When the ECU has reported a start in progress: two states after it began; damaged frames until `at` report nothing.
@@ -348,11 +347,9 @@ impl Case<'_> {
                 let counts = lowered.map_or(out, |lowered| out.max(lowered + LOWERED));
                 // Two sets have to agree that it is too cold for combustion.
                 let since = h.samples(out, at.saturating_sub(2 * h.rules.period + 50 * MS));
-                // Nor can a temperature that is not measured.
-                let unmeasured = |at| h.sensor.contains(at);
                 let up =
                     h.resets.iter().map(|reset| reset.up).filter(|up| *up <= at).max().unwrap_or_default();
-                // What was not measured shows no fall either.
+                // What is not measured shows neither a cold exhaust nor a fall.
                 let measured = h.sensor.last_before(at).map_or(0, |(_, over)| over);
                 // Without a flame the shaft keeps turning for a while, and the engine may be reported as
                 // running.
@@ -373,7 +370,7 @@ impl Case<'_> {
                     && since.iter().any(|sample| sample.fault)
                     && before.iter().all(|sample| sample.fault || ran(sample))
                     && since.iter().all(|sample| {
-                        sample.egt > h.rules.burning - BURNS || sample.at < counts || unmeasured(sample.at)
+                        sample.egt > h.rules.burning - BURNS || sample.at < counts || h.sensor.contains(sample.at)
                     })
                     // Nor does a node that is reset again too soon see the exhaust temperature fall.
                     && (self.longest_up(counts, at.saturating_sub(100 * MS)) < 4 * SECOND

@@ -82,10 +82,8 @@ impl Case<'_> {
                 continue;
             }
             let lost = begins.is_some_and(|reset| reset.cause == Cause::PowerOn);
-            let on_wire = h.frames_within(at.saturating_sub(NOT_OBEYED), at);
             // A node that begins closes it at once if standby was in force.
-            let run =
-                begins.is_none() && on_wire.iter().any(|frame| frame.sent.switch() == Some(Switch::Run));
+            let run = begins.is_none() && h.first_run(at.saturating_sub(NOT_OBEYED), at).is_some();
             // The last command of each source counts, except arming and presence.
             let commanded = h.commanded(at.saturating_sub(REASON), at);
             let wanted = (0..4).any(|source| {

@@ -562,15 +562,20 @@ fn a_slow_shaft_a_low_supply_and_a_jump_have_the_action_of_their_limit() {
     story(500).passes();
 }
 
+/// An AMT engine is shut down in flight, and its source commands run.
+fn shut_down_uncommanded() -> Story {
+    flight(AMT, 40.0)
+        .streams(PILOT, 40.0, 41.0, PilotCommand::Run(Demanded::Throttle(500)))
+        .turbine(40.0, 40.1, Phase::Running, 60_000.0, 480.0)
+        .turbine(40.1, 41.0, Phase::Cooling, 50_000.0, 400.0)
+        .wire(40.0, 41.0, STANDBY)
+}
+
 /// Sets at rest that no ECU sent agree where all others are error sets (712200004).
 #[test]
 fn error_sets_do_not_contradict_sets_that_no_ecu_sent() {
     let story = |forged: &'static [u64], faults: bool| {
-        flight(AMT, 40.0)
-            .streams(PILOT, 40.0, 41.0, PilotCommand::Run(Demanded::Throttle(500)))
-            .turbine(40.0, 40.1, Phase::Running, 60_000.0, 480.0)
-            .turbine(40.1, 41.0, Phase::Cooling, 50_000.0, 400.0)
-            .wire(40.0, 41.0, STANDBY)
+        shut_down_uncommanded()
             .with(move |h| {
                 h.forged = forged.iter().map(|at| at * MS).collect();
                 h.samples.iter_mut().filter(|s| faults && s.at > 39 * SECOND).for_each(|s| s.fault = true);
@@ -585,11 +590,7 @@ fn error_sets_do_not_contradict_sets_that_no_ecu_sent() {
 #[test]
 fn each_limit_of_how_values_change_has_an_action_of_its_own() {
     let story = |actions: [Option<bool>; 2]| {
-        flight(AMT, 40.0)
-            .streams(PILOT, 40.0, 41.0, PilotCommand::Run(Demanded::Throttle(500)))
-            .turbine(40.0, 40.1, Phase::Running, 60_000.0, 480.0)
-            .turbine(40.1, 41.0, Phase::Cooling, 50_000.0, 400.0)
-            .wire(40.0, 41.0, STANDBY)
+        shut_down_uncommanded()
             .with(move |h| {
                 h.noise = Spans::from(&[(40 * SECOND - 30 * MS, 40 * SECOND)]);
                 // That of a hot start, and of an implausible change.
