@@ -131,6 +131,11 @@ pub(crate) struct List {
 }
 
 impl List {
+    /// The bit of a place. A node has fewer engines than there are bits.
+    pub fn bit(place: usize) -> u32 {
+        1_u32.checked_shl(place as u32).unwrap_or(0)
+    }
+
     /// Begins the list of the next place that waits: the one that follows, and behind the last one the first. So each one has its turn, whatever is
     /// requested again meanwhile. None: none waits.
     pub fn following(self) -> Option<Self> {

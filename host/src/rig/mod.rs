@@ -294,12 +294,11 @@ fn perform(args: &Args, order: &mut Order) -> Result<ExitCode, String> {
         (Some(report), Some(chronicle)) => report.finish(&chronicle, &outcomes, &problems, ended_by),
         _ => Ok(()),
     };
-    let saved = save_script(args, order, &outcomes, &end);
-    let saved = match saved {
+    let saved = match save_script(args, order, &outcomes, &end) {
         Ok(saved) => {
-            text += &saved.map_or_else(String::new, |saved| {
-                format!("To play it again: cargo rig --script {} --fast\n", output::quoted(&saved))
-            });
+            if let Some(saved) = saved {
+                text += &format!("To play it again: cargo rig --script {} --fast\n", output::quoted(&saved));
+            }
             Ok(())
         }
         Err(Unsaved { error, script }) => {

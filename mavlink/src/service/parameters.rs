@@ -146,13 +146,11 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
             _ => return,
         };
         let Some(port) = self.ports.get_mut(port) else { return };
-        // A node has fewer engines than bits.
-        let mut places =
-            (first..=last).fold(0, |bits, place| bits | 1_u32.checked_shl(place as u32).unwrap_or(0));
+        let mut places = (first..=last).fold(0, |bits, place| bits | List::bit(place));
         port.list = match port.list {
             None => List { place: first, index: 0, waiting: places, next: now }.following(),
             Some(mut list) => {
-                let current = 1_u32.checked_shl(list.place as u32).unwrap_or(0);
+                let current = List::bit(list.place);
                 if places & current != 0 {
                     places &= !current;
                     list.index = 0;
