@@ -136,9 +136,11 @@ impl Case<'_> {
         longest_outside(&self.down, from_us, at_us)
     }
 
-    /// The longest time in which the node was up and received every report.
+    /// The longest time in which the node was up and received the engine's state in every report.
     pub(super) fn longest_received(&self, from_us: u64, at_us: u64) -> u64 {
-        longest_outside(&self.down.union(&self.blind).union(&self.h.noise), from_us, at_us)
+        let other_state = self.h.times(|sample| sample.hidden);
+        let unknown = self.down.union(&self.blind).union(&self.h.noise).union(&other_state);
+        longest_outside(&unknown, from_us, at_us)
     }
 
     pub(super) fn shut_down(&mut self) {

@@ -245,10 +245,18 @@ impl Case<'_> {
         let rules = &h.rules;
         // Never slower than a loss.
         let fall = 1000 * SECOND / u64::from(rules.ramp.max(1));
+        // An order that was given up leaves the engine at the demand that its ECU has. It falls from there.
+        let long = rules.serial_delay.saturating_sub(500 * MS);
+        let found = h.frames.windows(2).filter(|pair| pair[1].at - pair[0].at > long);
+        let found: Vec<(u64, u64)> = found.map(|pair| (pair[1].at, pair[1].at + fall + SECOND)).collect();
+        let found = if self.traits().serial_delay { Spans::from(&found) } else { Spans::default() };
         let (mut reported, mut judged) = (0, 0);
         for frame in &h.frames {
             let at = frame.at;
             let Some(demanded) = frame.sent.demand() else { continue };
+            if found.contains(at) {
+                continue;
+            }
             let failed =
                 h.other_down.last_before(at).filter(|(from, to)| at < *to && at > from + fall + SECOND);
             if failed.is_none()

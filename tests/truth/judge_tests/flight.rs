@@ -677,6 +677,24 @@ fn a_demand_is_reduced_while_another_engine_has_failed() {
     lost(400).breaks(&[Rule::Reduction]);
 }
 
+/// The order was given up meanwhile (AMT's serial delay): the first reply has the throttle that the ECU has.
+#[test]
+fn a_reduction_begins_when_an_engine_is_found_again() {
+    let found = |silent: f64, falls: f64| {
+        flight(AMT, 40.0)
+            .streams(PILOT, 40.0, 60.0, PilotCommand::Run(Demanded::Throttle(500)))
+            .wire(40.0 + silent, 40.0 + silent + falls, HALF)
+            .ramp(40.0 + silent + falls, 500, 250)
+            .wire(40.5 + silent + falls, 60.0, Sent::Full(Switch::Run, 250))
+            .turbine(40.0, 60.0, Phase::Running, 80_000.0, 500.0)
+            .with(|h| another_fails(h, 40 * SECOND, 70 * SECOND))
+            .finds(Rule::Reduction)
+    };
+    assert!(!found(5.0, 0.5));
+    assert!(found(5.0, 4.0), "it never falls");
+    assert!(found(1.0, 3.0), "the order was not given up");
+}
+
 /// A reset in a silence keeps what was on the wire, and a governor's throttle is no share of a commanded one.
 #[test]
 fn a_reduction_is_of_what_the_wire_had_before_a_reset_and_never_of_an_rpm() {

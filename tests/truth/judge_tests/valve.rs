@@ -116,6 +116,17 @@ fn the_valve_cuts_no_engine_that_is_ordered_to_run() {
         pin(flight(ZK5, 40.0), &closed).with(cut).finds(Rule::CutOff)
     };
     assert_eq!([cut(29), cut(33)], [false, true]);
+    // Nor one whose ECU reports another state in flight.
+    let other = |from: u64| {
+        let other = move |h: &mut History| {
+            let since = |sample: &&mut Sample| sample.at >= from * SECOND;
+            h.samples.iter_mut().filter(since).for_each(|sample| sample.hidden = true);
+            let cause = Cause::Watchdog;
+            h.resets.push(Reset { down: micros(34.99), up: 35 * SECOND, cause });
+        };
+        pin(flight(ZK5, 40.0), &closed).with(other).finds(Rule::CutOff)
+    };
+    assert_eq!([other(30), other(33)], [false, true]);
     // A loop of resets without any command ends in standby.
     let alone = |silent: f64| {
         let quiet = move |h: &mut History| h.commanded.retain(|c| c.at < micros(35.0 - silent));
