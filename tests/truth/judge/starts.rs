@@ -370,7 +370,10 @@ impl Case<'_> {
                     && since.iter().any(|sample| sample.fault)
                     && before.iter().all(|sample| sample.fault || ran(sample))
                     && since.iter().all(|sample| {
-                        sample.egt > h.rules.burning - BURNS || sample.at < counts || h.sensor.contains(sample.at)
+                        sample.egt > h.rules.burning - BURNS
+                            || sample.at < counts
+                            || h.sensor.contains(sample.at)
+                            || !self.trusts_exhaust(sample.at)
                     })
                     // Nor does a node that is reset again too soon see the exhaust temperature fall.
                     && (self.longest_up(counts, at.saturating_sub(100 * MS)) < 4 * SECOND
@@ -557,7 +560,11 @@ impl Case<'_> {
         let broke = h.sensor.iter().map(|(from, _)| from).filter(|from| (out..at).contains(from)).min();
         let whole = broke.unwrap_or(at);
         let samples = h.samples(out, whole);
-        let seen = |sample: &&Sample| sample.egt < h.rules.burning - BURNS && !h.sensor.contains(sample.at);
+        let seen = |sample: &&Sample| {
+            sample.egt < h.rules.burning - BURNS
+                && !h.sensor.contains(sample.at)
+                && self.trusts_exhaust(sample.at)
+        };
         let cold = samples.iter().find(seen).map_or(at, |cold| cold.at + LOWERED);
         if let Some(lowered) = self.last_lowered(out.saturating_sub(LOWERED), at) {
             return cold.max(lowered + LOWERED);
@@ -569,6 +576,14 @@ impl Case<'_> {
             self.blind.iter().filter(|(from, to)| to - from > self.gap() && *to <= at).map(|(_, to)| to);
         let up = dark.max().unwrap_or_default().max(up);
         self.fallen(out.max(up), whole.max(out.max(up))).map_or(cold, |fallen| fallen.min(cold))
+    }
+
+    /// Behind a thermocouple that failed, a cold exhaust counts after a hot one only.
+    fn trusts_exhaust(&self, at: u64) -> bool {
+        let h = self.h;
+        let over = h.sensor.iter().map(|(_, over)| over).take_while(|over| *over <= at).last();
+        let hot = |sample: &Sample| sample.egt > h.rules.burning + BURNS;
+        over.is_none_or(|over| h.samples(over, at).iter().any(hot))
     }
 
     /// When the exhaust has fallen fast enough, and for long enough, to show it.

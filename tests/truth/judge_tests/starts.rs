@@ -133,6 +133,16 @@ fn a_trip_that_clears_while_the_exhaust_is_hot_cannot_be_seen() {
         |from: f64| cold_from(45.6).with(move |h| h.sensor = Spans::from(&[(micros(from), 60 * SECOND)]));
     broken(45.5).passes();
     assert!(ignites(broken(45.8)));
+    // And behind it a cold exhaust is none, but behind a hot one (730000080).
+    let failed = |hot: f64| {
+        cold_from(40.0).with(move |h| {
+            h.sensor = Spans::from(&[(38 * SECOND, 40 * SECOND)]);
+            let hot = h.samples.iter_mut().filter(|s| s.fault && s.at < micros(hot));
+            hot.for_each(|sample| sample.egt = 500.0);
+        })
+    };
+    failed(40.0).passes();
+    assert!(ignites(failed(40.5)));
     // It acts on what it was sent before the fault cleared, also for a moment after that.
     let cleared = |last_run: u64| {
         story(43.5, false).with(move |h| {
