@@ -51,7 +51,8 @@ impl Engine {
         match &self.mode {
             Mode::Run(run) => {
                 let origin = if run.stage == LossStage::None { run.active_source } else { Origin::Node };
-                let (doubts, demand) = (run.life.in_doubt().is_some(), run.demand.shaped);
+                let (doubts, demand) =
+                    (run.life.in_doubt().is_some() || run.shaper.waits(), run.demand.shaped);
                 let open = !doubts || (self.link.answers_frames() && run.life.answers());
                 self.link.release(run.life.reached());
                 let sent = if open { self.order_demand(now, demand) } else { self.order_doubt(now, demand) };

@@ -14,6 +14,10 @@ use embassy_time::{Duration, Instant};
 /// Maximum rpm, for rates in %, of an engine whose ECU does not report its own.
 const NOMINAL_MAX_RPM: u32 = 100_000;
 
+/// Time for which a governor waits for a speed and a throttle after a doubt. The scale of AMT's speeds comes with the first alternate set, at
+/// most the eleventh: 1.4 s at 2400 baud. ZK's throttle comes once in a round of reports.
+const INCOMPLETE_MAX: Duration = Duration::from_secs(2);
+
 /// Target of the demand.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Plan {
@@ -68,6 +72,10 @@ pub(super) struct Shaper {
     governed: Option<Throttle>,
     /// The governor has not controlled since a doubt.
     doubted: bool,
+    /// Since then the ECU has reported a throttle without a speed, or the other way round.
+    incomplete_since: Option<Instant>,
+    /// The throttle that the ECU has is not known yet: nothing can be sent that continues it.
+    waits: bool,
     /// Limits the rise to the configured rate until the commanded demand is reached: after a start, a take-over, a gap.
     rising: bool,
     /// Share to which the demand was reduced because another engine failed.
@@ -87,6 +95,8 @@ impl Shaper {
             governor: None,
             governed: None,
             doubted: false,
+            incomplete_since: None,
+            waits: false,
             rising: true,
             reduced_to: None,
             idle_rpm: None,
@@ -119,6 +129,11 @@ impl Shaper {
     /// Limits the rise to the configured rate until the commanded demand is reached.
     pub const fn rise(&mut self) {
         self.rising = true;
+    }
+
+    /// Whether a governor waits for the throttle that the ECU has, so that no demand is known.
+    pub const fn waits(&self) -> bool {
+        self.waits
     }
 
     /// When it last moved.
@@ -167,6 +182,7 @@ impl Shaper {
         let (Demand::Rpm(rpm), true, Some(settings)) = (demand, shape.governed, config.governor) else {
             self.governor = None;
             self.doubted &= !shape.living;
+            self.waits = false;
             return (demand, next);
         };
         let (throttle, look_again) = self.govern(now, rpm, shape, &settings);
@@ -247,21 +263,30 @@ impl Shaper {
         shape: &Shape,
         settings: &GovernorSettings,
     ) -> (Throttle, Option<Instant>) {
+        self.waits = false;
         if !shape.running {
             self.governor = None;
             return (Throttle::IDLE, None);
         }
-        if !shape.living {
+        let unknown = shape.rpm.is_none() || self.governed.is_none() && shape.throttle.is_none();
+        if !shape.living || self.doubted && unknown {
             // In doubt the governor neither controls nor winds up, and holds no throttle on old telemetry.
             self.governor = None;
             self.doubted = true;
-            let old_at = shape.rpm.map(|rpm| rpm.at + settings.max_age).filter(|at| *at > now);
+            let old_at = self.telemetry_is_old_at(now, shape, settings).filter(|at| *at > now);
             if old_at.is_none() {
                 self.governed = None;
-                return (Throttle::IDLE, None);
+            } else if shape.rpm.is_none()
+                && let Some(reported) = shape.throttle
+            {
+                // Two sets have to agree on more.
+                self.governed = Some(self.governed.map_or(reported, |held| held.min(reported)));
             }
-            return (self.governed.or(shape.throttle).unwrap_or(Throttle::IDLE), old_at);
+            let held = self.governed.or(shape.throttle).filter(|_| old_at.is_some());
+            self.waits = shape.living && held.is_none() && old_at.is_some();
+            return (held.unwrap_or(Throttle::IDLE), old_at);
         }
+        self.incomplete_since = None;
         // The throttle in force is the one that was sent. After a doubt, and after an rpm, it is the one that the ECU reports.
         let from = match shape.sent {
             Demand::Throttle(sent) if !core::mem::take(&mut self.doubted) => sent,
@@ -271,6 +296,25 @@ impl Shaper {
         let (throttle, look_again) = governor.throttle(now, settings, rpm, shape.rpm);
         self.governed = Some(throttle);
         (throttle, Some(look_again).filter(|at| *at > now))
+    }
+
+    /// When the telemetry on which a governor holds its throttle is too old.
+    fn telemetry_is_old_at(
+        &mut self,
+        now: Instant,
+        shape: &Shape,
+        settings: &GovernorSettings,
+    ) -> Option<Instant> {
+        match shape.rpm {
+            // Between the reports of a living engine.
+            Some(rpm) if !shape.living || self.governed.or(shape.throttle).is_some() => {
+                Some(rpm.at + settings.max_age)
+            }
+            _ if shape.living || shape.throttle.is_some() => {
+                Some(*self.incomplete_since.get_or_insert(now) + INCOMPLETE_MAX)
+            }
+            _ => None,
+        }
     }
 
     /// Target of the fail-safe. It only ever lowers the demand.

@@ -4,7 +4,9 @@
 use embassy_time::Duration;
 use jetlink::command::{Accepted, Command, Demand, Interlock, Order, Origin, Rejected};
 use jetlink::config::EngineConfig;
+use jetlink::ecu::EcuConfig;
 use jetlink::engine::config::Governor;
+use jetlink::engine::retained::RetainedState;
 use jetlink::event::LossStage;
 use jetlink::limit::{Action, Limit};
 use jetlink::line::{Line, LineError};
@@ -319,8 +321,7 @@ fn a_lost_source_lowers_the_governors_throttle() {
 /// After a reset it continues at the throttle that the ECU obeys.
 #[test]
 fn the_governor_resumes_after_a_reset() {
-    let retained = jetlink::engine::retained::RetainedState::new(Order::Run(rpm(80_000)), Origin::Rc)
-        .with(|state| state.armed = true);
+    let retained = RetainedState::new(Order::Run(rpm(80_000)), Origin::Rc).with(|state| state.armed = true);
     let mut scenario = Scenario::after_reset(Ecu::Amt, governed(|_| {}), Some(retained));
     scenario.values.rpm = Some(80_000);
     scenario.values.half_percents = 120;
@@ -328,6 +329,78 @@ fn the_governor_resumes_after_a_reset() {
     scenario.fly_us(target(80_000), Origin::Rc, 2 * SECOND);
     let sent = scenario.sent();
     assert!(!sent.is_empty() && sent.iter().all(|wire| matches!(wire, Wire::Run(590..=610))), "{sent:?}");
+}
+
+/// Without an engine in its settings a node knows no scale of the shaft speed before the first alternate set, every eleventh one. Until then
+/// it holds the throttle that the ECU reports, and never for long.
+#[test]
+fn the_governor_holds_the_reported_throttle_until_a_speed_can_be_known() {
+    let mut config = governed(|_| {});
+    if let EcuConfig::Amt(amt) = &mut config.ecu {
+        amt.engine = None;
+    }
+    let retained = RetainedState::new(Order::Run(rpm(80_000)), Origin::Rc).with(|state| state.armed = true);
+    let resumed = |identified: bool, half_percents: u8| {
+        let mut scenario = Scenario::after_reset(Ecu::Amt, config, Some(retained));
+        scenario.values.rpm = Some(80_000);
+        scenario.values.half_percents = 120;
+        // One damaged set in the beginning raises no demand.
+        scenario.odd(Reports::Running, Values { half_percents, ..scenario.values });
+        scenario.pass_us(FRAME_PERIOD_US);
+        scenario.reports = Some(Reports::Running);
+        scenario.sent();
+        scenario.fly_us(target(80_000), Origin::Rc, 1_400_000);
+        if identified {
+            scenario.bench.receive(&amt_frames::alternate(0x06));
+        }
+        let first = throttles(&scenario.sent());
+        scenario.fly_us(target(80_000), Origin::Rc, 2 * SECOND);
+        (first, throttles(&scenario.sent()))
+    };
+    let near = |throttles: &[u16]| throttles.iter().all(|tenths| (590..=610).contains(tenths));
+    for half_percents in [120, 200] {
+        let (before, after) = resumed(true, half_percents);
+        assert!(!before.is_empty() && near(&before), "{before:?}");
+        assert!(near(&after), "{after:?}");
+    }
+    let (before, after) = resumed(false, 120);
+    assert!(near(&before), "{before:?}");
+    assert_eq!(after.last(), Some(&0), "{after:?}");
+}
+
+/// A ZK ECU reports its throttle once in a round of reports. Until then the governor's is not known, and ID 0 is sent, but not for ever.
+#[test]
+fn the_governor_waits_for_the_reported_throttle() {
+    let mut governor = Governor::DEFAULT;
+    governor.max_rpm = Rpm::new(160_000);
+    let config = Ecu::Zk.with(|s| s.governor = Some(governor));
+    let retained = RetainedState::new(Order::Run(rpm(80_000)), Origin::Rc).with(|state| state.armed = true);
+    for reported in [true, false] {
+        let mut scenario = Scenario::after_reset(Ecu::Zk, config, Some(retained));
+        scenario.values.rpm = Some(80_000);
+        scenario.introduce_version(3);
+        scenario.reports = Some(Reports::Running);
+        scenario.fly_us(target(80_000), Origin::Rc, 450_000);
+        let first = scenario.sent();
+        assert!(scenario.telemetry().in_doubt.is_none());
+        assert_eq!(first, [], "{reported}");
+        if reported {
+            for _ in 0..2 {
+                // ID 3: 60 %.
+                scenario.bench.receive(&zk_frames::status(3, 80_000, [60, 0, 0]));
+            }
+        }
+        scenario.fly_us(target(80_000), Origin::Rc, 300_000);
+        let then = throttles(&scenario.sent());
+        if reported {
+            assert!(!then.is_empty() && then.iter().all(|tenths| (590..=610).contains(tenths)), "{then:?}");
+        } else {
+            assert_eq!(then, []);
+            scenario.fly_us(target(80_000), Origin::Rc, 2 * SECOND);
+            let then = throttles(&scenario.sent());
+            assert!(then.first() == Some(&0), "{then:?}");
+        }
+    }
 }
 
 /// A lost line, or an ECU that reports only faults, is not a lost source: nothing or idle is sent, and nothing shuts the

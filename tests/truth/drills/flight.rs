@@ -24,6 +24,10 @@ impl Director {
             let slow = fault(Fault::OddFrame(Odd::SlowShaft), MS);
             return ("a jump of the speed", vec![slow, slow, Step::Wait(12 * SECOND)]);
         }
+        if self.rules.governor && matches!(self.stick, Demanded::Rpm(_)) && rng.percent(20) {
+            let reset = Step::Reset(Cause::Watchdog, rng.spread(5 * MS, 100 * MS));
+            return ("a governor over a reset", vec![Step::Wait(8 * SECOND), reset, Step::Wait(4 * SECOND)]);
+        }
         if rng.percent(35) {
             return self.combined(rng);
         }

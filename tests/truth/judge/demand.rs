@@ -1,7 +1,7 @@
 //! How fast a demand may rise.
 
 use super::case::{Case, Rule};
-use crate::history::{Cause, Commanded, Demanded, MS, PilotCommand, SECOND, Sent};
+use crate::history::{Cause, Commanded, Demanded, MS, PilotCommand, Reset, SECOND, Sent};
 
 /// Resolution of the wire, 0.1 %: AMT has steps of 0.5 %.
 const STEP: f64 = 7.0;
@@ -126,19 +126,22 @@ impl Case<'_> {
         // How far the demand may have risen by now from the lowest one that was on the wire: at `slew.up`, and at
         // `rise`.
         let (mut slewed, mut risen) = (0.0_f64, 0.0_f64);
-        // The last demand that reached the ECU: a node without memory finds it and continues with it.
+        // The last demand that reached the ECU: a node without memory, and a governor, finds it and continues with it.
         let mut obeyed: Option<(Demanded, f64)> = None;
         // Until an ID 6 without RPM_X has come, that is the speed.
         let mut by_rpm = false;
-        let mut forgets =
-            h.resets.iter().filter(|reset| reset.cause != Cause::Watchdog).map(|reset| reset.up).peekable();
+        let forgets = |reset: &&Reset| reset.cause != Cause::Watchdog || self.holds_rpm(reset.up);
+        let forgets: Vec<u64> = h.resets.iter().filter(forgets).map(|reset| reset.up).collect();
+        let mut forgets = forgets.into_iter().peekable();
         let mut reported = 0;
         // A frame's content was computed up to a slot before it began. This counts once, however long the
         // demand rises.
         let rises_in = |rate: u32, time: u64| f64::from(rate) * time as f64 / SECOND as f64;
         let slack = |rate: u32| rises_in(rate, rules.period + 20 * MS) + STEP;
         for frame in &h.frames {
-            if forgets.next_if(|up| *up <= frame.at).is_some() {
+            let forgot = forgets.next_if(|up| *up <= frame.at).is_some();
+            while forgets.next_if(|up| *up <= frame.at).is_some() {}
+            if forgot {
                 let higher = |(_, low): &(Demanded, f64)| before.is_none_or(|(.., before)| *low > before);
                 if let Some((demanded, low)) = obeyed.filter(higher) {
                     before = Some((frame.at - rules.period, demanded, low));

@@ -2,7 +2,7 @@
 
 use super::case::{Case, Rule, seconds};
 use super::limits::Arrival;
-use crate::history::{Commanded, Demanded, MS, PilotCommand, SECOND, Sample, Sent, Spans, Switch};
+use crate::history::{Cause, Commanded, Demanded, MS, PilotCommand, SECOND, Sample, Sent, Spans, Switch};
 use sim::turbine::Phase;
 
 /// Resolution of the wire, 0.1 %.
@@ -29,6 +29,7 @@ impl Case<'_> {
             self.damage_is_no_gap();
         }
         self.governs_by_speeds();
+        self.governor_resumes();
         self.takes_over_when_close();
         self.starts_apart();
     }
@@ -231,6 +232,49 @@ impl Case<'_> {
         self.verdict.count("throttles of a governor whose shaft falls", falling);
         for (at, text) in found {
             self.verdict.finding(Rule::HeldUp, at, text);
+        }
+    }
+
+    /// A reset in steady flight costs a governed engine no throttle: until the node can measure again, it holds the one that the ECU reports.
+    fn governor_resumes(&mut self) {
+        let h = self.h;
+        let hidden = h.times(|sample| sample.hidden);
+        let hidden = [&hidden, &self.blind, &h.noise, &h.deaf, &self.faults, &h.other_failed, &h.framing];
+        for (index, reset) in h.resets.iter().enumerate() {
+            let (since, until) = (reset.down.saturating_sub(3 * SECOND), reset.up + 3 * SECOND);
+            let before = index.checked_sub(1).and_then(|before| h.resets.get(before));
+            let alone = before.is_none_or(|before| before.up + 10 * SECOND < reset.down)
+                && h.resets.get(index + 1).is_none_or(|next| next.down > until)
+                && reset.up - reset.down < SECOND / 2;
+            if reset.cause != Cause::Watchdog || !alone || !self.governed(reset.down) || !self.governed(until)
+            {
+                continue;
+            }
+            let seen = hidden.iter().all(|spans| !spans.touches(since, until));
+            let mut commands =
+                h.commanded(since, until).iter().filter(|commanded| commanded.command.is_received());
+            let first = commands.next();
+            let same = commands.all(|other| first.is_some_and(|first| first.command == other.command));
+            let throttles = |from, to| {
+                h.frames_within(from, to).iter().filter_map(|frame| match frame.sent {
+                    Sent::Full(Switch::Run, tenths) => Some((frame.at, tenths)),
+                    _ => None,
+                })
+            };
+            // It did not fall before; afterwards its fall is what is judged.
+            let lately = throttles(reset.down.saturating_sub(SECOND), reset.down);
+            let Some(held) = lately.map(|(_, tenths)| tenths).min() else { continue };
+            let fell = throttles(since, reset.down).any(|(_, tenths)| tenths > held + 50);
+            let flies = self.known_to_run(reset.down) && h.samples(since, until).iter().all(Sample::runs);
+            if !seen || !same || !flies || fell {
+                continue;
+            }
+            self.verdict.count("governed engines over a reset", 1);
+            if let Some((at, tenths)) = throttles(reset.up, until).find(|(_, tenths)| 2 * tenths + 50 < held)
+            {
+                let text = format!("a governor gives {}.{} % after a reset", tenths / 10, tenths % 10);
+                self.verdict.finding(Rule::HeldDown, at, text);
+            }
         }
     }
 

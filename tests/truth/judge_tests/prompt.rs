@@ -98,6 +98,28 @@ fn damaged_frames_that_keep_the_beat_are_no_gap_in_flight() {
 }
 
 #[test]
+fn a_governor_gives_its_throttle_again_after_a_reset() {
+    let story = |then: Sent, resets: &[u64]| {
+        started(AMT)
+            .streams(PILOT, 31.0, 60.0, PilotCommand::Run(Demanded::Rpm(100_000)))
+            .turbine(RUNS as f64, 60.0, Phase::Running, 100_000.0, 500.0)
+            .ramp(31.0, 0, 400)
+            .wire(33.0, 50.0, sent(400))
+            .wire(50.1, 51.0, then)
+            .wire(51.0, 60.0, sent(400))
+            .with(|h| {
+                h.rules.governor = true;
+                let reset = |up: &u64| Reset { down: (up - 50) * MS, up: up * MS, cause: Cause::Watchdog };
+                h.resets = resets.iter().map(reset).collect();
+            })
+            .finds(Rule::HeldDown)
+    };
+    assert!(!story(sent(380), &[50_050]));
+    assert!(story(IDLE, &[50_050]));
+    assert!(!story(IDLE, &[49_000, 50_050]), "it may not have known");
+}
+
+#[test]
 fn a_governor_gives_idle_without_speeds_and_no_more_to_a_shaft_that_falls() {
     let rpm = PilotCommand::Run(Demanded::Rpm(100_000));
     let governed = |last: Sent| {

@@ -291,6 +291,32 @@ fn a_reply_behind_a_forged_set_lowers_nothing() {
     governed(100_000, 49_750).breaks(&[Rule::Rate]);
 }
 
+/// 760001859: the wire to the ECU is cut, and the node is reset. The replies until then did not reach the ECU, which reports its throttle.
+#[test]
+fn after_a_reset_a_governor_begins_with_the_throttle_that_reached_the_ecu() {
+    let story = |reset: bool, lost: bool, then| {
+        runs(started(AMT), 50.0)
+            .turbine(RUNS as f64, 40.0, Phase::Running, 100_000.0, 500.0)
+            .streams(PILOT, 31.0, 50.0, PilotCommand::Run(Demanded::Rpm(100_000)))
+            .ramp(31.0, 0, 300)
+            .wire(32.0, 44.0, sent(300))
+            .wire(44.0, 45.0, IDLE)
+            .wire(45.2, 50.0, sent(then))
+            .with(move |h| {
+                h.rules.governor = true;
+                let unheard = h.frames.iter_mut().filter(|frame| lost && frame.at >= 44 * SECOND);
+                unheard.for_each(|frame| frame.arrived = false);
+                let (down, up) = (45_050 * MS, 45_070 * MS);
+                h.resets.extend(reset.then_some(Reset { down, up, cause: Cause::Watchdog }));
+            })
+            .finds(Rule::Rate)
+    };
+    assert!(!story(true, true, 300));
+    assert!(story(true, true, 500), "more than the ECU has");
+    assert!(story(true, false, 300), "the ECU was sent idle");
+    assert!(story(false, true, 300), "nothing forgot it");
+}
+
 #[test]
 fn behind_a_transmitter_that_hung_a_demand_may_still_rise() {
     let story = |hung: bool| {
