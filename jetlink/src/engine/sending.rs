@@ -16,6 +16,12 @@ impl Engine {
     /// Orders the demand after ramps, slew and limits.
     pub(super) fn shape(&mut self, now: Instant) {
         let idle_rpm = self.link.status().report.idle_rpm.map(|idle| idle.value);
+        let known = !self.waits_for_version();
+        if let Mode::Run(run) = &mut self.mode
+            && known
+        {
+            run.own_speed_control = self.link.speed_control().is_ok();
+        }
         let shape = Shape {
             running: matches!(&self.mode, Mode::Run(run) if run.life.reached()),
             // An engine that its ECU lights again is given no more fuel meanwhile (AMT-14).
@@ -35,10 +41,8 @@ impl Engine {
                 && self.link.speed_control().is_err(),
         };
         let config = self.config;
-        let speed_control = self.link.speed_control().is_ok();
         // A hand-over has no demand, but may be in doubt.
         let Mode::Run(run) = &mut self.mode else { return self.express(now) };
-        run.own_speed_control |= speed_control;
         let plan = run.plan();
         let (demand, next) = run.shaper.demand(now, plan, &shape, &config);
         run.next = next;

@@ -10,6 +10,7 @@ use jetlink::engine::retained::RetainedState;
 use jetlink::event::LossStage;
 use jetlink::limit::{Action, Limit};
 use jetlink::line::{Line, LineError};
+use jetlink::link::LinkRecord;
 use jetlink::units::{Celsius, Rpm, Throttle};
 
 use bench::by_hand::at_us;
@@ -374,8 +375,11 @@ fn the_governor_waits_for_the_reported_throttle() {
     let mut governor = Governor::DEFAULT;
     governor.max_rpm = Rpm::new(160_000);
     let config = Ecu::Zk.with(|s| s.governor = Some(governor));
-    let retained = RetainedState::new(Order::Run(rpm(80_000)), Origin::Rc).with(|state| state.armed = true);
-    for reported in [true, false] {
+    // The switch may have been given by ID 6 while the version was not known: that does not show an ECU that holds a speed itself.
+    for (reported, by_id6) in [(true, false), (true, true), (false, false)] {
+        let retained = RetainedState::new(Order::Run(rpm(80_000)), Origin::Rc);
+        let retained =
+            retained.with(|state| (state.armed, state.link) = (true, LinkRecord::new(by_id6.into())));
         let mut scenario = Scenario::after_reset(Ecu::Zk, config, Some(retained));
         scenario.values.rpm = Some(80_000);
         scenario.introduce_version(3);
@@ -383,7 +387,7 @@ fn the_governor_waits_for_the_reported_throttle() {
         scenario.fly_us(target(80_000), Origin::Rc, 450_000);
         let first = scenario.sent();
         assert!(scenario.telemetry().in_doubt.is_none());
-        assert_eq!(first, [], "{reported}");
+        assert_eq!(first, [], "{reported} {by_id6}");
         if reported {
             for _ in 0..2 {
                 // ID 3: 60 %.
