@@ -60,7 +60,7 @@ pub async fn serve_pulses(radio: &'static Radio) -> ! {
     runner::run_pulses(radio, board::pulses::next, logged()).await
 }
 
-/// Logs what came of all that was received, and what engines could not use of it: once a second.
+/// Logs once a second how much was received, and what each engine rejected of it.
 #[expect(clippy::disallowed_methods, reason = "whether the link was reported lately")]
 pub fn log(radio: &Radio) {
     let service = radio.borrow();

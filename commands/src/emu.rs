@@ -9,7 +9,7 @@ use std::path::PathBuf;
 pub const RELEASE: &str = "release";
 
 /// The images of `cargo emu-run`: that one, and the others by their features. A test of the emulator compares them.
-pub const IMAGES: [&str; 12] = [
+pub const IMAGES: [&str; 13] = [
     RELEASE,
     "demo",
     "all-ports",
@@ -20,6 +20,7 @@ pub const IMAGES: [&str; 12] = [
     "radio-crsf",
     "radio-pwm",
     "outputs",
+    "outputs-ardupilot",
     "usb",
     "supply",
 ];

@@ -27,6 +27,8 @@ pub enum Image {
     RadioPwm,
     /// With an SBUS receiver and outputs for valves and power (feature `outputs`).
     Outputs,
+    /// The same, linked behind an ArduPilot bootloader (feature `outputs-ardupilot`).
+    OutputsArdupilot,
     /// With MAVLink on USB (feature `usb`).
     Usb,
     /// With the supply voltage measured by the board's divider (feature `supply`).
@@ -35,7 +37,7 @@ pub enum Image {
 
 impl Image {
     /// All of them.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Release,
         Self::Demo,
         Self::AllPorts,
@@ -46,6 +48,7 @@ impl Image {
         Self::RadioCrsf,
         Self::RadioPwm,
         Self::Outputs,
+        Self::OutputsArdupilot,
         Self::Usb,
         Self::Supply,
     ];
@@ -63,6 +66,7 @@ impl Image {
             Self::RadioCrsf => Some("radio-crsf"),
             Self::RadioPwm => Some("radio-pwm"),
             Self::Outputs => Some("outputs"),
+            Self::OutputsArdupilot => Some("outputs-ardupilot"),
             Self::Usb => Some("usb"),
             Self::Supply => Some("supply"),
         }
@@ -70,7 +74,7 @@ impl Image {
 
     /// Whether it drives outputs: see [`Image::outputs`].
     pub const fn has_outputs(self) -> bool {
-        matches!(self, Self::RadioCrsf | Self::RadioPwm | Self::Outputs)
+        matches!(self, Self::RadioCrsf | Self::RadioPwm | Self::Outputs | Self::OutputsArdupilot)
     }
 
     /// The outputs of a board that it may drive, by number: engine i has its fuel valve on the i-th of them, and after all valves come the
@@ -89,6 +93,7 @@ impl Image {
         Self::ALL.into_iter().filter(move |image| match image {
             Self::Release => true,
             Self::Ardupilot => has_bootloader,
+            Self::OutputsArdupilot => every && has_bootloader,
             Self::PlayEcu => board.name == NUCLEO_H743ZI2.name,
             Self::Supply => board.divider.is_some(),
             _ => every,
@@ -101,7 +106,7 @@ impl Image {
     /// If it needs a bootloader that the board does not have.
     pub fn start(self, board: &Board) -> u64 {
         match self {
-            Self::Ardupilot => board.behind_bootloader.expect("a bootloader"),
+            Self::Ardupilot | Self::OutputsArdupilot => board.behind_bootloader.expect("a bootloader"),
             _ => board.flash.start,
         }
     }

@@ -430,7 +430,7 @@ const CASES: [&str; 12] = [
     "stop-release-arm-start",
     "ecu-swapped",
     "two-engines-one-fails",
-    "one-word-start",
+    "single-command-start",
 ];
 
 /// Plays a scenario, and gives what is left of each line that says what happened.
@@ -482,7 +482,7 @@ fn a_hot_start_is_reported_and_not_repeated() {
         "limit violated: exhaust too hot: 84",
         "in doubt whether the engine runs: the demand may be withheld",
         "ECU reports a fault: egt-high",
-        "run cancelled: the ECU reports no running engine",
+        "run cancelled: the ECU reports an engine at rest",
         "command from bench rejected: command standby before a start",
         "ECU reports no fault",
         "command from bench rejected: wait until the ECU reports standby",

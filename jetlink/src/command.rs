@@ -137,7 +137,7 @@ pub enum Order {
     Doubt(Demand),
 }
 
-/// Reason for refusing a command. A refused command changes nothing.
+/// Reason for refusing a command. A refused command does not change the order in force; a refused start uses up its permission.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum Rejected {
@@ -279,7 +279,7 @@ sentences!(Interlock {
     Self::OtherStarting => "wait until another engine of the group has started";
 } {
     Self::TooHot(egt) => "the exhaust is at {} °C: let it cool in standby", Signed(i32::from(egt.tenths()) / 10);
-    Self::SupplyLow(supply) => "the supply has only {} mV: charge the battery", Whole(supply.get());
+    Self::SupplyLow(supply) => "the supply voltage is {} mV: charge the battery", Whole(supply.get());
     Self::Limit(kind) => "a limit is violated: {}", kind;
 });
 

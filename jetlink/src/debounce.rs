@@ -1,5 +1,5 @@
-//! A single odd frame changes nothing: a report of an engine is accepted when two consecutive frames agree, in every protocol.
-//! AMT frames have no checksum, and that of ZK lets one in 256 damaged frames through.
+//! The reported phase, switch and faults of an engine change when two consecutive frames agree, in every protocol: AMT frames have no
+//! checksum, and that of ZK lets one in 256 damaged frames through. Measured values are not debounced.
 //!
 //! The results are reported to people and used by interlocks. The values that decide about the life of a running engine
 //! are raw ([`Observation`](crate::link::Observation)) and debounced where they are judged (`engine/life.rs`).

@@ -112,7 +112,7 @@ pub enum End {
 
 names!(End, "Description in lower case." {
     PowerUp => "the ECU was powered up";
-    AtRest => "the ECU reports no running engine";
+    AtRest => "the ECU reports an engine at rest";
     StartsAgain => "the ECU starts the engine again";
     GapInStart => "the ECU fell silent during the start";
     NotBurning => "the exhaust is cold or cools";

@@ -186,3 +186,8 @@ pub mod telemetry;
 pub mod units;
 pub mod watch;
 pub mod wiring;
+
+const _: () = assert!(
+    embassy_time::TICK_HZ >= 32_768,
+    "jetlink needs an embassy-time tick of 32 768 Hz or more: a reply of AMT begins within 9 ms"
+);

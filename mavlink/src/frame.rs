@@ -220,7 +220,7 @@ impl Decoder {
             let id = u32::from_le_bytes([at(7), at(8), at(9), 0]);
             (Address { system: at(5), component: at(6) }, id)
         };
-        // Whether such a frame is one, nobody can check. Its length counts for nothing: it may be stray bytes before a stop.
+        // The checksum of an unknown message cannot be verified, so its length is not trusted: these may be stray bytes before a stop.
         let Some(extra) = extra(id) else { return Found::Nothing };
         let end = header + usize::from(len);
         let whole = end + 2 + signature;

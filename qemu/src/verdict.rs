@@ -158,7 +158,7 @@ mod tests {
             ("WARN", "left: 3 events lost"),
             ("ERROR", "panic"),
             ("INFO", "left: ECU link lost"),
-            ("INFO", "left: run cancelled: the ECU reports no running engine"),
+            ("INFO", "left: run cancelled: the ECU reports an engine at rest"),
             ("INFO", "jetlink "),
         ] {
             let mut log = good();

@@ -171,7 +171,7 @@ pub fn clocks(oscillator: Oscillator, hse: Hse) -> Config {
 }
 
 /// Gives USB its own oscillator while the PLL that a bootloader may have given it still runs: a clock that does not run cannot be switched
-/// away from (RM0433, 8.5.8). HSI48 takes some µs; without it USB finds that it does not get ready.
+/// away from (RM0433, 8.5.8). HSI48 takes some µs; if it does not start, USB reports that its clock is missing.
 #[cfg(feature = "usb")]
 fn take_usb_clock() {
     RCC.cr().modify(|w| w.set_hsi48on(true));

@@ -312,7 +312,7 @@ fn mavlink_that_streams_standby_shuts_the_engine_down_when_rc_is_gone() {
 }
 
 #[test]
-fn one_word_of_a_source_that_counts_as_lost_does_not_shut_the_engine_down() {
+fn one_command_of_a_source_that_counts_as_lost_does_not_shut_the_engine_down() {
     for mut world in both() {
         world.fly(Rc, 60);
         world.streams(Mavlink, run(60));
@@ -328,7 +328,7 @@ fn one_word_of_a_source_that_counts_as_lost_does_not_shut_the_engine_down() {
 }
 
 #[test]
-fn one_word_among_others_does_not_shut_the_engine_down() {
+fn one_command_among_others_does_not_shut_the_engine_down() {
     for mut world in both() {
         world.fly(Rc, 60);
         let from = world.now();
@@ -340,7 +340,7 @@ fn one_word_among_others_does_not_shut_the_engine_down() {
 }
 
 #[test]
-fn two_words_of_the_source_in_control_shut_the_engine_down() {
+fn two_commands_of_the_source_in_control_shut_the_engine_down() {
     for mut world in both() {
         world.fly(Rc, 60);
         world.silent(Rc);

@@ -396,7 +396,7 @@ fn one_of_two_engines_fails_in_flight() {
 }
 
 #[test]
-fn a_start_by_one_word_of_a_ground_station_that_is_then_lost() {
+fn a_start_by_one_command_of_a_ground_station_that_is_then_lost() {
     for stream_of in [throttle(0), throttle(300)] {
         for setup in [Setup::zk_case(5), Setup::zk_case(3), Setup::amt_case()] {
             // A source that was silent for longer than its timeout has to be received for a while before its run counts.

@@ -4,12 +4,14 @@ mod flight;
 mod mavlink;
 mod power;
 mod prompt;
+mod reduction;
 mod shape;
 mod silence;
 mod starts;
 mod sticks;
 mod stops;
 mod valve;
+mod waiting;
 
 use crate::history::{
     Cause, Commanded, Demanded, Frame, History, MS, Mark, PilotCommand, Reset, Rules, SECOND, Sample, Sent,

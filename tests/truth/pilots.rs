@@ -68,7 +68,7 @@ enum Program {
     /// Commands and falls silent, repeatedly, for these times.
     Flap(Demanded, u64, u64),
     /// A ground station: one command at a time.
-    OneWord(u8),
+    OneCommand(u8),
     /// Standby, and services.
     Service,
     /// Standby, if it begins at 0, and then a hand-over to the PWM input.
@@ -188,7 +188,7 @@ impl Pilot {
             (Habit::Flies, 95..97) | (Habit::Restless, 51..54) => {
                 Program::Pwm(if rng.percent(70) { 0 } else { 19 })
             }
-            (Habit::Flies, _) => Program::OneWord(0),
+            (Habit::Flies, _) => Program::OneCommand(0),
             (Habit::Relieves, 0..50) => {
                 self.until = now + rng.between(20, 60) * SECOND;
                 Program::Silent
@@ -205,7 +205,7 @@ impl Pilot {
             (Habit::Below, 45..75) => Program::Stream(PilotCommand::Standby),
             (Habit::Below, 75..88) => Program::Stream(PilotCommand::Nothing),
             (Habit::Below, _) => Program::Silent,
-            (Habit::Restless, 54..64) => Program::OneWord(0),
+            (Habit::Restless, 54..64) => Program::OneCommand(0),
             // A transmitter that is on but commands nothing.
             (Habit::Restless, 64..68) => Program::Stream(PilotCommand::Nothing),
             (Habit::Restless, 68..76) => Program::Stream(PilotCommand::Run(if rng.percent(60) {
@@ -255,7 +255,7 @@ impl Pilot {
                     self.next = now + *off;
                 }
             }
-            Program::OneWord(step) => {
+            Program::OneCommand(step) => {
                 let command = match *step {
                     0 => PilotCommand::Arm,
                     1 => PilotCommand::Standby,

@@ -76,8 +76,12 @@ fn servos(now: Nanos, pulse: u16) -> Vec<u8> {
 }
 
 fn command(component: u8, number: u16, first: f32) -> Vec<u8> {
+    command_of_two(component, number, [first, 0.0])
+}
+
+fn command_of_two(component: u8, number: u16, [first, second]: [f32; 2]) -> Vec<u8> {
     let mut payload: Vec<u8> =
-        [first, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0].iter().flat_map(|p| p.to_le_bytes()).collect();
+        [first, second, 0.0, 0.0, 0.0, 0.0, 0.0].iter().flat_map(|p| p.to_le_bytes()).collect();
     payload.extend(number.to_le_bytes());
     payload.extend([VEHICLE, component, 0]);
     frame(GROUND, COMMAND_LONG, &payload)
@@ -409,6 +413,12 @@ fn a_setting_stays_over_a_restart_by_command() {
         assert_eq!(client.value(NODE, "MAV_GCS_2"), Some(9.0), "{texts}");
         assert!(!client.texts().iter().any(|text| text.contains("is not stored")), "{texts}");
     });
+}
+
+/// A ground station that commands an emergency stop of all engines.
+pub fn stops(at: Nanos) -> Client {
+    // `USER_1`, service 1.
+    Client { script: vec![(at, command_of_two(NODE, 31010, [1.0, 21196.0]))], ..Client::default() }
 }
 
 /// "Left" and "booster" swap ports: "left" is a ZK engine on the fourth port from the next start on.
@@ -746,7 +756,7 @@ fn the_supply_that_the_board_measures_counts_where_the_ecu_reports_none() {
             assert_eq!(volts(LEFT + 1, CHARGED), volts(LEFT + 1, report.at), "{texts}");
             let answers = client.answers(LEFT, 11 * SECOND);
             assert_eq!(answers, [(START, TEMPORARILY_REJECTED), (START, ACCEPTED)], "{texts}");
-            let refused = client.texts().iter().any(|text| text.contains("the supply has only 10"));
+            let refused = client.texts().iter().any(|text| text.contains("the supply voltage is 10"));
             assert!(refused, "{texts}");
             let measured: Vec<_> = report.lines("board: supply").map(|line| (line.at, &line.text)).collect();
             println!("{:?}, {} lines", measured.first(), measured.len());

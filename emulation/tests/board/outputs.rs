@@ -5,7 +5,7 @@ use crate::supply::drop_supply;
 use crate::support::{Task, crash, hijack_if_spawned, on_each_board, symbol};
 use emulation::pins::{Level, Pin};
 use emulation::receiver::{Position, Protocol, Receiver};
-use emulation::{Bench, Board, Image, PIXRACER, Report, Run, engines};
+use emulation::{Bench, Board, Bootloader, Image, Leftover, PIXRACER, Report, Run, engines};
 use sim::amt::AmtEcu;
 use sim::ecu::{MILLIS, Nanos, SECOND};
 use sim::turbine::Phase;
@@ -39,7 +39,11 @@ const VALVES: [Output; 2] = [LEFT, BOOSTER];
 
 /// Both engines and a receiver, both running at 50 % from 30 s on.
 fn flying(board: &'static Board) -> Run {
-    Run::new(board, Image::Outputs)
+    flying_with(board, Image::Outputs)
+}
+
+fn flying_with(board: &'static Board, image: Image) -> Run {
+    Run::new(board, image)
         .quick_engines()
         .only(&[AMT, ZK])
         .radio(Receiver::new(Protocol::Sbus))
@@ -264,6 +268,63 @@ fn valve_stays_open_in_flight_over_every_reset_with_a_record() {
             assert!(changes[0].0 - closed < 2 * SECOND, "{}: {changes:?}", valve.name);
         }
         assert_eq!(phases(&report), [Phase::Running; 2]);
+    });
+}
+
+/// Behind a bootloader that leaves whatever it may leave, the pins are driven before anything else as well. They float while it runs.
+#[test]
+fn valve_stays_open_in_flight_over_a_reset_behind_a_bootloader() {
+    on_each_board(|board| {
+        let bootloader = Bootloader { leaves: Leftover::ALL.to_vec(), ..Bootloader::default() };
+        let report = flying_with(board, Image::OutputsArdupilot)
+            .bootloader(bootloader)
+            .at(30 * SECOND, |bench| bench.watchdog_runs_out())
+            .at(31_500 * MILLIS, |bench| bench.brown_out())
+            .at(33 * SECOND, |bench| {
+                let left = bench.ecu::<AmtEcu>(AMT).turbine().phase();
+                assert_eq!([left, bench.ecu::<ZkEcu>(ZK).turbine().phase()], [Phase::Running; 2]);
+                bench.radio().switch = Position::Stop;
+            })
+            .at(34 * SECOND, |bench| bench.watchdog_runs_out())
+            .resets(3)
+            .with_errors()
+            .until(36 * SECOND)
+            .go();
+        let resets: Vec<Nanos> = report.resets.iter().map(|reset| reset.0).collect();
+        for output in VALVES.into_iter().chain([POWER]) {
+            stays(&report, output, output.on, 29 * SECOND..resets[0]);
+            for (reset, next) in [(resets[0], resets[1]), (resets[1], 33 * SECOND)] {
+                let driven = driven_after(&report, output, reset, output.on);
+                stays(&report, output, output.on, driven..next);
+            }
+        }
+        // The stop is latched.
+        for valve in VALVES {
+            let closed = driven_after(&report, valve, resets[2], valve.off());
+            stays(&report, valve, valve.off(), closed..report.at);
+        }
+    });
+}
+
+/// By a ground station on the telemetry port, while stick and switch fly on.
+#[test]
+fn an_emergency_stop_over_mavlink_closes_the_valve_within_10_ms() {
+    on_each_board(|board| {
+        const STOP: Nanos = 32 * SECOND;
+        let telemetry = board.telemetry.name;
+        let report =
+            flying(board).ecu(telemetry, mavlink::LINE, mavlink::stops(STOP)).until(34 * SECOND).go();
+        let mut ends = report.wire(telemetry).rx.iter().filter(|rx| rx.last && rx.end > STOP);
+        let stop = ends.next().expect("a frame").end;
+        for (valve, name) in VALVES.into_iter().zip(["left", "booster"]) {
+            stays(&report, valve, valve.on, 30 * SECOND..STOP);
+            let closed = Pin::output(&report, valve.number).changes(STOP..report.at);
+            let [(at, level)] = closed[..] else { panic!("{}, {name}: {closed:?}", board.name) };
+            let took = at as i64 - stop as i64;
+            println!("{}, {name}: closed {:.2} ms after the frame", board.name, took as f64 / 1e6);
+            assert_eq!(level, valve.off());
+            assert!((0..10 * MILLIS as i64).contains(&took), "{}, {name}: {took} ns", board.name);
+        }
     });
 }
 

@@ -5,7 +5,7 @@ use emulation::board::{Before, Part, Pin};
 use emulation::{BOARDS, Image};
 
 #[test]
-fn the_images_on_the_command_line_are_all() {
+fn the_command_line_lists_every_image() {
     let names = Image::ALL.map(|image| image.feature().unwrap_or(commands::emu::RELEASE));
     assert_eq!(names, commands::emu::IMAGES);
 }

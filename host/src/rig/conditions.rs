@@ -256,7 +256,8 @@ fn on_its_way(commanded: Demand, sent: Demand, detail: &Detail) -> Option<String
         return Some(format!("it falls at {}{of_maximum} (SLEW_DOWN)", rate(down)));
     }
     let slew = supervision.slew.up.map(|up| format!("{}{of_maximum} (SLEW_UP)", rate(up)));
-    let rise = || format!("{}{of_maximum} until it is there (RISE)", rate(supervision.rise));
+    let rise =
+        || format!("{}{of_maximum} until it reaches the commanded demand (RISE)", rate(supervision.rise));
     rises.then(|| match (slew, supervision.slew.up) {
         (Some(slew), Some(up)) if up <= supervision.rise => format!("it rises at {slew}"),
         (Some(slew), _) => format!("it rises at {slew}; after a start, a gap or a take-over at {}", rise()),
@@ -374,7 +375,7 @@ mod tests {
             (
                 Rejected::Start(Interlock::SupplyLow(Millivolts::new(9000))),
                 "supply",
-                "the supply has only 9000 mV: charge the battery, least 11000 mV".to_owned(),
+                "the supply voltage is 9000 mV: charge the battery, least 11000 mV".to_owned(),
             ),
             (
                 Rejected::Start(Interlock::Limit(LimitKind::OverTemperature)),
@@ -452,7 +453,7 @@ mod tests {
             of_demand(&sample, &detail).join("; ")
         };
         assert_eq!(says(percent(60), percent(60), None, None), "");
-        let rise = "it rises at 50.0 % a second until it is there (RISE)";
+        let rise = "it rises at 50.0 % a second until it reaches the commanded demand (RISE)";
         assert_eq!(says(percent(60), percent(20), None, None), rise);
         assert_eq!(says(percent(60), percent(20), Some(50), None), "it rises at 5.0 % a second (SLEW_UP)");
         assert!(
@@ -465,7 +466,10 @@ mod tests {
         );
         let rpm = |rpm| Demand::Rpm(Rpm::new(rpm));
         let of_rpm = says(rpm(90_000), rpm(40_000), None, None);
-        assert_eq!(of_rpm, "it rises at 50.0 % a second of the maximum speed until it is there (RISE)");
+        assert_eq!(
+            of_rpm,
+            "it rises at 50.0 % a second of the maximum speed until it reaches the commanded demand (RISE)"
+        );
         assert!(says(rpm(90_000), percent(40), None, None).contains("governor"));
     }
 

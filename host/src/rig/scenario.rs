@@ -212,11 +212,11 @@ pub static ALL: &[Scenario] = &[
         script: |c| Box::pin(faults::two_engines_one_fails(c)),
     },
     Scenario {
-        name: "one-word-start",
-        line: "a ground station starts an engine by one word and is lost, beside a source that streams a throttle",
+        name: "single-command-start",
+        line: "a ground station starts an engine with a single command and is lost, beside a source that streams a throttle",
         engines: PAIR,
         length: 90,
         bad_commands: 1,
-        script: |c| Box::pin(sources::one_word_start(c)),
+        script: |c| Box::pin(sources::single_command_start(c)),
     },
 ];

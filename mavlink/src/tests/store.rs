@@ -458,7 +458,7 @@ fn an_erase_that_was_refused_is_made_up_for_before_the_next_move() {
 }
 
 #[test]
-fn a_memory_that_takes_nothing_and_reports_no_error_is_found_out() {
+fn a_memory_whose_writes_fail_silently_is_detected() {
     let at_rest = AtRest::new();
     at_rest.set(true);
     let (mut store, _, _) = load(Mock::new(&at_rest), &at_rest);

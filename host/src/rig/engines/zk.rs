@@ -3,12 +3,12 @@
 use super::description::{Described, Description};
 use jetlink::config::EngineConfig;
 use jetlink::ecu::EcuConfig;
-use jetlink::ecu::zk::codec::Rate;
+use jetlink::ecu::zk::codec::{Control, Rate};
 use sim::ecu::Nanos;
 use sim::zk;
 
 /// Version from which an ECU takes the modes `Split` and `Rpm` (ZK-9).
-const MODES_SINCE: u8 = 4;
+const MODES_SINCE: u8 = Control::MODES_SINCE.get();
 
 /// The simulated ECU.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

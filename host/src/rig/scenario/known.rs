@@ -478,7 +478,7 @@ pub async fn emergency_stop(c: &ScenarioContext<'_>) -> Result<(), String> {
         );
         c.must(
             released.get(i) == Some(&Some(Ok(Accepted::InForce))),
-            format!("{name}: who stopped releases it"),
+            format!("{name}: the source that commanded the stop releases it"),
         );
         c.must(
             all(&c.transmitted(i, release + ON_WIRE, end), WireCommand::Standby),

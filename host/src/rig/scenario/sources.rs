@@ -216,14 +216,14 @@ pub async fn stop_release_arm_start(c: &ScenarioContext<'_>) -> Result<(), Strin
     c.shut_down().await
 }
 
-pub async fn one_word_start(c: &ScenarioContext<'_>) -> Result<(), String> {
+pub async fn single_command_start(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.ready(1).await?;
     c.ready(0).await?;
     c.each(CommandSource::silence);
     c.sleep(2.0).await;
     c.event();
     c.mark("right: a ground station commands standby, and run, once each, and is lost");
-    let lonely = one_word(c, 1).await;
+    let lonely = single_command(c, 1).await;
     c.sleep(30.0).await;
     let end = c.now();
     c.look();
@@ -252,7 +252,7 @@ pub async fn one_word_start(c: &ScenarioContext<'_>) -> Result<(), String> {
     c.source(0).beside(Some((Origin::Bench, PilotInput::Run(percent(30)))));
     let streamed = c.now();
     c.sleep(3.0).await;
-    let word = one_word(c, 0).await;
+    let word = single_command(c, 0).await;
     c.running(0).await?;
     let runs = c.now();
     c.sleep(8.0).await;
@@ -278,7 +278,7 @@ pub async fn one_word_start(c: &ScenarioContext<'_>) -> Result<(), String> {
 }
 
 /// A ground station commands standby, and 0.9 s later run at idle; when that was.
-async fn one_word(c: &ScenarioContext<'_>, engine: usize) -> u64 {
+async fn single_command(c: &ScenarioContext<'_>, engine: usize) -> u64 {
     c.command(engine, Command::Standby, Origin::Mavlink);
     c.sleep(0.9).await;
     let word = c.now();

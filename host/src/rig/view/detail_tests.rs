@@ -49,7 +49,9 @@ fn why_says_at_which_rate_a_demand_rises() {
         let claims = screen.contains("nothing limits it: the commanded demand is sent");
         assert_eq!(claims, is_sent && sample.loss == LossStage::None, "{screen}");
         there += u32::from(claims);
-        rising += u32::from(screen.contains("it rises at 50.0 % a second until it is there (RISE)"));
+        rising += u32::from(
+            screen.contains("it rises at 50.0 % a second until it reaches the commanded demand (RISE)"),
+        );
     }
     assert!(rising >= 2 && there >= 2, "{rising}, {there}");
 }
