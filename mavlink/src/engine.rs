@@ -462,8 +462,8 @@ impl<'a> Engine<'a> {
         let telemetry = self.telemetry();
         self.follow(situation, &telemetry);
         self.arm(situation, &telemetry);
-        let standby = self.settings.disarmed_standby.zip(situation.vehicle.disarmed_since());
-        let due = standby.is_some_and(|(after, since)| situation.now >= since + after);
+        let standby = self.settings.disarmed_standby.zip(situation.vehicle.disarmed_for(situation.now));
+        let due = standby.is_some_and(|(after, disarmed)| disarmed >= after);
         if due && self.is_at_run() && !core::mem::replace(&mut self.stood_by, true) {
             // Never refused but in an emergency stop.
             let _ = self.stop(situation.now);

@@ -118,9 +118,10 @@ impl Vehicle {
         self.last.is_some_and(|last| now < last + RECEIVED_WITHIN)
     }
 
-    /// Time since which it has shown disarmed without a gap.
-    pub const fn disarmed_since(&self) -> Option<Instant> {
-        self.disarmed_since
+    /// Time for which it has shown disarmed without a gap, up to its last heartbeat: silence shows nothing.
+    pub fn disarmed_for(&self, now: Instant) -> Option<Duration> {
+        let last = self.last.filter(|_| self.is_received(now))?;
+        Some(last.saturating_duration_since(self.disarmed_since?))
     }
 
     /// Time of the last heartbeat of our autopilot that was like the one before.
@@ -279,7 +280,11 @@ mod tests {
         assert_eq!(beat(&mut vehicle, 2, 3, 0), None);
         assert_eq!(vehicle.arming(), Arming::Armed);
         assert_eq!(beat(&mut vehicle, 3, 3, 0), Some(VehicleEvent::Disarmed));
-        assert_eq!((vehicle.arming(), vehicle.disarmed_since()), (Arming::Disarmed, Some(at(3))));
+        assert_eq!(vehicle.arming(), Arming::Disarmed);
+        beat(&mut vehicle, 4, 3, 0);
+        assert_eq!(vehicle.disarmed_for(at(4)), Some(Duration::from_secs(1)));
+        assert_eq!(vehicle.disarmed_for(at(7)), Some(Duration::from_secs(1)), "up to the last heartbeat");
+        assert_eq!(vehicle.disarmed_for(at(9)), None, "silent");
         // Other vehicles and silence change nothing; the time without a gap restarts.
         beat(&mut vehicle, 4, 7, MODE_ARMED);
         beat(&mut vehicle, 5, 7, MODE_ARMED);
@@ -287,6 +292,7 @@ mod tests {
         assert!(!vehicle.is_received(at(60)));
         assert_eq!(vehicle.arming(), Arming::Disarmed);
         beat(&mut vehicle, 60, 3, 0);
-        assert_eq!(vehicle.disarmed_since(), Some(at(60)));
+        beat(&mut vehicle, 62, 3, 0);
+        assert_eq!(vehicle.disarmed_for(at(62)), Some(Duration::from_secs(2)));
     }
 }

@@ -137,6 +137,30 @@ fn standby_after_a_time_disarmed_is_a_setting() {
     });
 }
 
+/// An autopilot that restarts in flight shows disarmed, and then hangs: silence does not extend the time disarmed. The control: it continues to show it.
+#[test]
+fn silence_does_not_count_as_time_disarmed() {
+    for silent_after in [Some(4.0), Some(18.0), None] {
+        run(async |world| {
+            world.ready().await;
+            assert_eq!(world.set(ENGINE[1], "MAV_DISARM_STBY", 20_000.0).await.0, Some(20_000.0));
+            world.start(1).await;
+            world.plane.armed.set(false);
+            world.pass_s(silent_after.unwrap_or(0.0)).await;
+            world.plane.alive.set(silent_after.is_none());
+            world.pass_s(60.0).await;
+            assert_eq!(world.ordered(1), silent_after.map(|_| 0), "silent after {silent_after:?} s");
+            if silent_after.is_some() {
+                // The time begins anew.
+                world.plane.alive.set(true);
+                world.pass_s(19.0).await;
+                assert_eq!(world.ordered(1), Some(0));
+                world.until("standby", 5, || world.ordered(1).is_none()).await;
+            }
+        });
+    }
+}
+
 #[test]
 fn a_dead_autopilot_leads_to_the_stages_of_loss_and_its_return_is_no_jump() {
     run(async |world| {
