@@ -212,7 +212,7 @@ impl<'a> Engine<'a> {
     }
 
     /// Passes a demand on: idle while the vehicle is disarmed. During a start the engine itself stays at idle, and then rises at its rate.
-    /// While a start waits, a demand above idle ends it there.
+    /// While a start waits, a demand above idle ends it there, unless it is a relight: that begins at idle, whatever the stream has.
     fn pass_on(&mut self, situation: Situation<'_>, throttle: Throttle) -> Option<Refusal> {
         let held = match situation.vehicle.arming() {
             Arming::Disarmed => Some(Throttle::IDLE),
@@ -223,6 +223,8 @@ impl<'a> Engine<'a> {
             }
             _ => None,
         };
+        let relights = self.switch == Switch::Waiting && self.settings.relight;
+        let held = if relights { Some(Throttle::IDLE) } else { held };
         let throttle = self.hold(situation.now, throttle, held);
         self.refreshed = Some(situation.now);
         match self.command(Command::Run(Demand::Throttle(throttle))) {

@@ -355,6 +355,30 @@ fn a_relight_with_the_throttle_up_is_a_setting() {
     });
 }
 
+/// Both engines have flamed out. The control: without the setting, `a_start_that_waits_is_refused_when_the_stream_rises`.
+#[test]
+fn a_relight_that_waits_for_another_engine_begins_at_idle_with_the_throttle_up() {
+    run(async |world| {
+        world.ready().await;
+        for component in ENGINE {
+            assert_eq!(world.set(component, "MAV_RELIGHT", 1.0).await.0, Some(1.0));
+        }
+        world.throttle(1500);
+        world.pass_s(6.0).await;
+        assert_eq!(world.control(0, &[1.0]).await.0, Some(0));
+        assert_eq!(world.control(1, &[1.0]).await.0, Some(0));
+        assert!(world.telemetry(1).start_waits_until.is_some());
+        let end = Instant::now() + Duration::from_secs(200);
+        while world.telemetry(1).state != EngineState::Running {
+            assert!(matches!(world.ordered(1), None | Some(0)), "idle during the start");
+            assert!(Instant::now() < end, "never started: {}", world.texts());
+            world.pass_s(0.1).await;
+        }
+        world.rises_to(1, 500).await;
+        assert_eq!(world.ordered(0), Some(500));
+    });
+}
+
 #[test]
 fn an_id_that_changes_in_flight_is_a_lost_source() {
     run(async |world| {
