@@ -1,7 +1,8 @@
 //! The vehicle: whose node this is, and whether it is armed. Only frames of the autopilot's port arrive here.
 //!
-//! The system id is set, or learnt from the only autopilot received for 5 s. A learnt id is stored, and changes only at a start. It takes two equal
-//! heartbeats to show whether the vehicle is armed; silence shows nothing.
+//! The system id is set, or learnt from the only autopilot received for 5 s. A learnt id is stored, and changes only at a start. Another one that was
+//! learnt while ours was silent is dropped once ours is received again for 5 s. It takes two equal heartbeats to show whether the vehicle is armed;
+//! silence shows nothing.
 
 use crate::frame::Address;
 use crate::ids::{AUTOPILOT_INVALID, COMPONENT_AUTOPILOT, MODE_ARMED, TYPE_GCS};
@@ -55,8 +56,9 @@ pub(crate) struct Vehicle {
     arming: Arming,
     /// What the last heartbeats show, and how many consecutive ones agree.
     same: (bool, u8),
-    /// Time of the last heartbeat of our autopilot.
+    /// Time of the last heartbeat of our autopilot, and since when there was no gap.
     last: Option<Instant>,
+    since: Option<Instant>,
     /// Time since which it has shown disarmed without a gap.
     disarmed_since: Option<Instant>,
     /// Time by which its heartbeats have arrived, if it is present.
@@ -77,6 +79,7 @@ impl Vehicle {
             arming: Arming::Unknown,
             same: (false, 0),
             last: None,
+            since: None,
             disarmed_since: None,
             shows_by: None,
         }
@@ -150,9 +153,13 @@ impl Vehicle {
             return None;
         }
         match self.id {
-            Some(id) if id == from.system => self.own(now, base_mode & MODE_ARMED != 0),
+            Some(id) if id == from.system => {
+                self.own(now, base_mode & MODE_ARMED != 0).or_else(|| self.learn_own(now, id))
+            }
             // Another one, while ours is absent.
             Some(_) if self.learns && !self.is_received(now) => self.learn(now, from.system, may_learn),
+            // Ours is back, so that one is not its replacement.
+            Some(id) if self.learns && self.learnt == from.system => self.two(id, from.system),
             Some(_) => None,
             None => self.learn(now, from.system, may_learn),
         }
@@ -168,8 +175,7 @@ impl Vehicle {
                 self.other = Some((system, now));
                 // From here on neither is the only one.
                 self.candidate = Some(Candidate { since: now, ..candidate });
-                let first = !core::mem::replace(&mut self.two_reported, true);
-                return first.then_some(VehicleEvent::TwoAutopilots(candidate.system, system));
+                return self.two(candidate.system, system);
             }
             _ => Candidate { system, since: now, last: now },
         };
@@ -183,9 +189,33 @@ impl Vehicle {
         None
     }
 
+    /// Reports two autopilots, once.
+    const fn two(&mut self, one: u8, other: u8) -> Option<VehicleEvent> {
+        if core::mem::replace(&mut self.two_reported, true) {
+            return None;
+        }
+        Some(VehicleEvent::TwoAutopilots(one, other))
+    }
+
+    /// Restores the id that the node has now where another one was learnt while ours was silent. Also while an engine is ordered to run:
+    /// after a reset in flight the node must not follow another vehicle.
+    fn learn_own(&mut self, now: Instant, id: u8) -> Option<VehicleEvent> {
+        // Whoever was received in our autopilot's place has to be the only one for the whole time again.
+        self.candidate = None;
+        let again = self.since.is_some_and(|since| now >= since + LEARN);
+        if !self.learns || self.learnt == id || !again {
+            return None;
+        }
+        self.learnt = id;
+        Some(VehicleEvent::Learnt(id))
+    }
+
     fn own(&mut self, now: Instant, armed: bool) -> Option<VehicleEvent> {
         let gap = !self.is_received(now);
         self.last = Some(now);
+        if gap {
+            self.since = Some(now);
+        }
         let (before, count) = self.same;
         let count = if before == armed { count.saturating_add(1) } else { 1 };
         self.same = (armed, count);
@@ -257,6 +287,31 @@ mod tests {
         }
         let learnt = (20..40).find_map(|second| beat(&mut vehicle, second, 3, 0));
         assert_eq!(learnt, Some(VehicleEvent::Learnt(3)));
+    }
+
+    #[test]
+    fn our_autopilot_is_learnt_again_after_five_seconds_without_a_gap() {
+        let mut vehicle = Vehicle::new(0, 3);
+        let learnt = (0..6).find_map(|second| beat(&mut vehicle, second, 4, 0));
+        assert_eq!(learnt, Some(VehicleEvent::Learnt(4)));
+        // Twice with a gap, then without one.
+        for second in [10, 12, 14, 20, 22, 24, 30, 32, 34] {
+            assert_eq!(beat(&mut vehicle, second, 3, 0), None, "at {second} s");
+        }
+        assert_eq!(beat(&mut vehicle, 35, 3, 0), Some(VehicleEvent::Learnt(3)));
+        assert_eq!(beat(&mut vehicle, 36, 3, 0), None, "once");
+        // It is also while an engine is ordered to run: the id in force stays. Another one is not.
+        let mut vehicle = Vehicle::new(0, 3);
+        assert!((0..6).any(|second| beat(&mut vehicle, second, 4, 0).is_some()));
+        let ordered = |vehicle: &mut Vehicle, second: u64, system: u8| {
+            vehicle.heartbeat(at(second), Address { system, component: 1 }, (1, 3, 0), false)
+        };
+        let learnt = (10..16).find_map(|second| ordered(&mut vehicle, second, 3));
+        assert_eq!(learnt, Some(VehicleEvent::Learnt(3)));
+        assert_eq!((30..50).find_map(|second| ordered(&mut vehicle, second, 4)), None);
+        // A set id is not learnt.
+        let mut vehicle = Vehicle::new(3, 4);
+        assert_eq!((0..20).find_map(|second| beat(&mut vehicle, second, 3, 0)), None);
     }
 
     #[test]

@@ -143,7 +143,8 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
             }
             Some(VehicleEvent::TwoAutopilots(one, other)) => {
                 // The node has no id while it learns: an observer of either system has to see the text.
-                for system in [one, other] {
+                let observers = if self.vehicle.id().is_some() { 1 } else { 2 };
+                for system in [one, other].into_iter().take(observers) {
                     self.speaks_as = Some(system);
                     let (one, other) = (Whole(one.into()), Whole(other.into()));
                     let text = format_args!("two autopilots, systems {one} and {other}: set MAV_SYSID");

@@ -542,6 +542,41 @@ fn a_vehicle_that_is_received_beside_ours_is_not_learnt() {
     });
 }
 
+/// Our autopilot restarts on the ground, and another vehicle is received meanwhile. The controls: ours never returns, and so was replaced; the
+/// other one is still received beside ours, which is an error, and the vehicle that the node obeys stays.
+#[test]
+fn another_vehicle_is_no_longer_learnt_once_ours_is_received_again() {
+    for (returns, stays) in [(true, false), (true, true), (false, true)] {
+        run(async |world| {
+            let learnt = || world.service.borrow().settings().identity.learnt;
+            let other = async |seconds: u32, is_there: bool| {
+                for _ in 0..seconds {
+                    world.pass_s(1.0).await;
+                    if is_there {
+                        let from = Address { system: SYSTEM + 1, component: 1 };
+                        let beat = HEARTBEAT_DATA { mavtype: 1, autopilot: 3, ..Default::default() };
+                        world.say(TO_AUTOPILOT, from, &beat);
+                    }
+                }
+            };
+            world.ready().await;
+            world.plane.alive.set(false);
+            other(14, true).await;
+            assert_eq!(learnt(), SYSTEM + 1);
+            world.plane.alive.set(returns);
+            other(4, stays).await;
+            assert_eq!(learnt(), SYSTEM + 1, "not before 5 s");
+            other(10, stays).await;
+            let next = if returns { SYSTEM } else { SYSTEM + 1 };
+            assert_eq!(learnt(), next, "returns: {returns}, stays: {stays}");
+            let texts = world.texts();
+            assert_eq!(texts.matches("two autopilots").count(), usize::from(returns && stays), "{texts}");
+            world.restart_service();
+            assert_eq!(world.service.borrow().system_id(), Some(next));
+        });
+    }
+}
+
 #[test]
 fn disarmed_without_a_stream_the_engine_idles_and_does_not_go_to_its_fail_safe_throttle() {
     run(async |world| {
