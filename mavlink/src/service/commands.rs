@@ -139,14 +139,13 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
             (CMD_DO_ENGINE_CONTROL, Place::Engine(engine)) => {
                 let numbers = (whole(first), whole(second), whole(third), whole(fourth));
                 match numbers {
-                    (Some(0), Some(0 | 1), Some(0), Some(0 | WHILE_DISARMED)) => {
-                        self.stop_engine(now, engine)
-                    }
+                    // A stop acts whatever its unused fields are. NaN means "unused" in MAVLink.
+                    (Some(0), ..) => self.stop_engine(now, engine),
                     (Some(1), Some(0 | 1), Some(0), Some(bits @ (0 | WHILE_DISARMED))) => {
                         self.start_engine(now, port, from, engine, confirmation, bits == WHILE_DISARMED)
                     }
                     _ => refuse(Refusal::Malformed(
-                        "DO_ENGINE_CONTROL: param1 0 or 1, param3 0, param4 0 or 1",
+                        "DO_ENGINE_CONTROL: param1 0 or 1; start: param2 and 4 0 or 1, param3 0",
                     )),
                 }
             }

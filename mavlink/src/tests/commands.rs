@@ -90,7 +90,8 @@ fn malformed_commands_are_denied() {
             &[f32::INFINITY],
             &[1.0, 7.0],
             &[1.0, 0.0, 0.0, 2.0],
-            &[0.0, 0.0, 1.0],
+            &[1.0, f32::NAN],
+            &[1.0, 0.0, 0.0, f32::NAN],
         ] {
             assert_eq!(world.control(1, params).await.0, DENIED, "{params:?}");
             world.pass_s(1.0).await;
@@ -110,6 +111,28 @@ fn malformed_commands_are_denied() {
             );
         }
     });
+}
+
+/// What is unused may be anything. The control: `malformed_commands_are_denied` has starts with such values.
+#[test]
+fn a_stop_acts_whatever_its_other_fields_are() {
+    for params in [
+        &[0.0, f32::NAN][..],
+        &[-0.0, 7.0],
+        &[0.0, 0.0, f32::NAN],
+        &[0.0, 0.0, 5.0],
+        &[0.0, 0.0, 0.0, f32::NAN],
+        &[0.0, 0.0, 0.0, 2.0],
+        &[0.0, f32::NAN, f32::NAN, f32::NAN, f32::NAN, f32::NAN, f32::NAN],
+    ] {
+        run(async |world| {
+            world.ready().await;
+            assert_eq!(world.control(1, &[1.0]).await.0, ACCEPTED);
+            assert!(matches!(world.telemetry(1).ordered.order, Order::Run(_)));
+            assert_eq!(world.control(1, params).await.0, ACCEPTED, "{params:?}");
+            assert_eq!(world.telemetry(1).ordered.order, Order::Standby, "{params:?}");
+        });
+    }
 }
 
 #[test]
