@@ -5,6 +5,7 @@
 
 use crate::dialect::{EFI_STATUS_DATA, HEARTBEAT_DATA};
 use crate::ids::{AUTOPILOT_INVALID, MODE_CUSTOM, SystemStatus, TYPE_GENERIC};
+use embassy_time::{Duration, Instant};
 use jetlink::command::{Demand, Order};
 use jetlink::engine::state::EngineState;
 use jetlink::report::{Counters, LinkState};
@@ -163,21 +164,50 @@ pub(crate) fn efi_status(place: usize, telemetry: &Telemetry) -> EFI_STATUS_DATA
     }
 }
 
-/// Share of good frames since the last call, in percent.
+/// Shortest time over which link quality is measured, and the longest time without a frame of a link whose quality is not 0. The frames of an
+/// AMT ECU at 2400 baud are 125 ms apart, while values may be sent more often.
+const QUALITY_OVER: Duration = Duration::from_secs(1);
+
+/// Numbers of frames at an instant.
+#[derive(Clone, Copy, Debug)]
+struct Frames {
+    good: u32,
+    bad: u32,
+    at: Instant,
+}
+
+/// Share of good frames in the last second or more, in percent.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct LinkQuality {
-    before: Option<(u32, u32)>,
+    /// At the beginning of the measurement.
+    from: Option<Frames>,
+    /// When they were seen to change last.
+    changed: Option<Frames>,
+    percent: Option<f32>,
 }
 
 impl LinkQuality {
-    pub fn percent(&mut self, counters: &Counters) -> Option<f32> {
+    pub fn percent(&mut self, now: Instant, counters: &Counters) -> Option<f32> {
         let bad =
             counters.crc_failures.wrapping_add(counters.truncated).wrapping_add(counters.damaged_frames);
-        let now = (counters.frames, bad);
-        let before = self.before.replace(now)?;
-        let good = now.0.wrapping_sub(before.0);
-        let all = good.saturating_add(now.1.wrapping_sub(before.1));
-        Some(if all == 0 { 0.0 } else { good as f32 * 100.0 / all as f32 })
+        let frames = Frames { good: counters.frames, bad, at: now };
+        let from = *self.from.get_or_insert(frames);
+        let last = self.changed.get_or_insert(frames);
+        if (last.good, last.bad) != (frames.good, frames.bad) {
+            *last = frames;
+        }
+        let is_over = |since: Frames| now >= since.at + QUALITY_OVER;
+        if is_over(*last) {
+            (self.from, self.percent) = (Some(frames), Some(0.0));
+        } else if is_over(from) {
+            let good = frames.good.wrapping_sub(from.good);
+            let all = good.saturating_add(frames.bad.wrapping_sub(from.bad));
+            // Without a frame, the last one was less than a second ago: the measurement continues.
+            if all > 0 {
+                (self.from, self.percent) = (Some(frames), Some(good as f32 * 100.0 / all as f32));
+            }
+        }
+        self.percent
     }
 }
 
@@ -215,4 +245,52 @@ pub(crate) fn named_values(
     ]
     .into_iter()
     .filter_map(|(name, value)| Some((name, value?)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Shares in percent that a port shows whose values are sent at this interval, of a link with a frame every 125 ms as an AMT ECU has at
+    /// 2400 baud. Each frame up to `until_ms` is good or bad as `is_good` has it.
+    fn shown(every_ms: u64, until_ms: u64, is_good: fn(u64) -> bool) -> std::vec::Vec<(u64, f32)> {
+        let mut quality = LinkQuality::default();
+        let (mut counters, mut received) = (Counters::default(), 0);
+        let mut shown = std::vec::Vec::new();
+        for ms in (0..10_000).step_by(every_ms as usize) {
+            while received * 125 <= ms.min(until_ms) {
+                let count = if is_good(received) { &mut counters.frames } else { &mut counters.crc_failures };
+                *count += 1;
+                received += 1;
+            }
+            let now = Instant::from_millis(5000 + ms);
+            shown.extend(quality.percent(now, &counters).map(|percent| (ms, percent)));
+        }
+        shown
+    }
+
+    #[test]
+    fn link_quality_of_a_slow_line_does_not_depend_on_the_interval_of_its_values() {
+        for every_ms in [50, 100, 1000] {
+            let good = shown(every_ms, u64::MAX, |_| true);
+            assert!(good.len() as u64 > 8000 / every_ms, "{}", good.len());
+            assert!(good.iter().all(|(_, percent)| *percent == 100.0), "every {every_ms} ms: {good:?}");
+            let half = shown(every_ms, u64::MAX, |frame| frame % 2 == 0);
+            let fits = half.iter().all(|(_, percent)| (40.0..=60.0).contains(percent));
+            assert!(fits, "every {every_ms} ms: {half:?}");
+            let bad = shown(every_ms, u64::MAX, |_| false);
+            assert!(bad.iter().all(|(_, percent)| *percent == 0.0), "every {every_ms} ms: {bad:?}");
+        }
+    }
+
+    #[test]
+    fn link_quality_is_0_a_second_after_the_last_frame() {
+        for every_ms in [50, 100, 1000] {
+            let silent = shown(every_ms, 5000, |_| true);
+            let is_0 = |ms: u64| ms > 6000 + every_ms;
+            assert!(silent.iter().filter(|(ms, _)| *ms < 6000).all(|(_, percent)| *percent == 100.0));
+            let silent = silent.iter().filter(|(ms, _)| is_0(*ms));
+            assert!(silent.clone().count() > 0 && silent.clone().all(|(_, percent)| *percent == 0.0));
+        }
+    }
 }

@@ -201,7 +201,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         let Some(engine) = self.engines.get(place) else { return };
         let telemetry = engine.telemetry();
         let streams = self.ports.get_mut(port).and_then(|port| port.streams.get_mut(place));
-        let quality = streams.and_then(|streams| streams.quality.percent(&telemetry.counters));
+        let quality = streams.and_then(|streams| streams.quality.percent(now, &telemetry.counters));
         for (name, value) in named_values(&telemetry, quality, with_main) {
             self.send_value(now, port, Place::Engine(place), class, name, value);
         }
