@@ -92,6 +92,11 @@ impl Schedule {
         Self { interval: Interval::Default, next: now }
     }
 
+    /// Sets its interval. It counts from now on: nothing waits for the end of the old one.
+    pub(crate) const fn set(&mut self, now: Instant, interval: Interval) {
+        *self = Self { interval, next: now };
+    }
+
     /// Whether it is due, with this interval by default. `None`: off by default.
     pub(crate) fn is_due(&mut self, now: Instant, default: Option<Duration>) -> bool {
         let every = match self.interval {
@@ -117,6 +122,19 @@ pub(crate) struct Streams {
     pub values: Schedule,
     pub quality: crate::report::LinkQuality,
     sequence: u8,
+}
+
+impl Streams {
+    fn new(now: Instant, engine: usize) -> Self {
+        // Not all at the same time.
+        let offset = STAGGER * (engine as u32 + 1);
+        Self {
+            efi: Schedule::new(now),
+            values: Schedule::new(now + offset),
+            quality: crate::report::LinkQuality::default(),
+            sequence: 0,
+        }
+    }
 }
 
 /// A list of parameters that is being sent, and those that wait.
@@ -168,15 +186,8 @@ impl<const N: usize> Port<N> {
     pub fn new(now: Instant, config: PortConfig, engines: usize) -> Self {
         let mut streams = Vec::new();
         for engine in 0..engines.min(N) {
-            // Not all at the same time.
-            let offset = STAGGER * (engine as u32 + 1);
             // There is space for each.
-            let _ = streams.push(Streams {
-                efi: Schedule::new(now),
-                values: Schedule::new(now + offset),
-                quality: crate::report::LinkQuality::default(),
-                sequence: 0,
-            });
+            let _ = streams.push(Streams::new(now, engine));
         }
         Self {
             config,
@@ -198,9 +209,8 @@ impl<const N: usize> Port<N> {
         self.list = None;
         self.queue.clear();
         self.used_until = now;
-        for streams in &mut self.streams {
-            streams.efi.interval = Interval::Default;
-            streams.values.interval = Interval::Default;
+        for (engine, streams) in self.streams.iter_mut().enumerate() {
+            *streams = Streams { sequence: streams.sequence, ..Streams::new(now, engine) };
         }
     }
 

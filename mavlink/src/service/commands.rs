@@ -162,7 +162,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
                 }
                 _ => refuse(Refusal::Malformed("PREFLIGHT_REBOOT_SHUTDOWN: only a reboot, param1 = 1")),
             },
-            (CMD_SET_MESSAGE_INTERVAL, _) => self.set_interval(port, place, first, second),
+            (CMD_SET_MESSAGE_INTERVAL, _) => self.set_interval(now, port, place, first, second),
             (CMD_REQUEST_MESSAGE, _) => self.request_message(now, port, place, first),
             _ => Ok(Ack::Unsupported),
         }
@@ -277,7 +277,14 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         self.cover.stopped(component);
     }
 
-    fn set_interval(&mut self, port: usize, place: Place, message: f32, interval: f32) -> Answer {
+    fn set_interval(
+        &mut self,
+        now: Instant,
+        port: usize,
+        place: Place,
+        message: f32,
+        interval: f32,
+    ) -> Answer {
         let message = whole(message).and_then(|message| u32::try_from(message).ok());
         let schedule = message.and_then(|message| match place {
             Place::Node if message == MESSAGE_RELAY_STATUS && !self.attached.has_outputs() => None,
@@ -292,7 +299,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
             }
         });
         let Some(schedule) = schedule else { return Ok(Ack::Unsupported) };
-        schedule.interval = match whole(interval) {
+        let interval = match whole(interval) {
             Some(-1) => Interval::Off,
             Some(0) => Interval::Default,
             Some(us @ 1..) if u64::from(us.unsigned_abs()) >= SHORTEST.as_micros() => {
@@ -300,6 +307,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
             }
             _ => return refuse(Refusal::Malformed("SET_MESSAGE_INTERVAL: 50 000 us or longer, 0 or -1")),
         };
+        schedule.set(now, interval);
         Ok(Ack::Accepted)
     }
 

@@ -134,6 +134,40 @@ fn rates_are_per_port_and_a_message_comes_on_request() {
     });
 }
 
+/// The longest interval that fits is 16 s. The control: without another request nothing comes meanwhile.
+#[test]
+fn another_interval_counts_at_once_and_so_do_the_defaults_of_another_peer() {
+    for what in ["nothing", "an interval", "the default", "another peer"] {
+        run(async |world| {
+            world.ready().await;
+            let set = async |us: f32| {
+                for message in [225.0, 251.0] {
+                    let interval = [message, us];
+                    let answer = world.command(ENGINE[1], CMD_SET_MESSAGE_INTERVAL, &interval).await;
+                    assert_eq!(answer.0, Some(0));
+                }
+            };
+            set(16_000_000.0).await;
+            world.pass_s(2.0).await;
+            match what {
+                "an interval" => set(500_000.0).await,
+                "the default" => set(0.0).await,
+                "another peer" => {
+                    for is_open in [false, true] {
+                        world.service.borrow_mut().set_open(Instant::now(), TO_GROUND, is_open);
+                    }
+                }
+                _ => {}
+            }
+            world.pass_s(1.1).await;
+            for message in [EFI, VALUES] {
+                let rate = rate(world, 1, TO_GROUND, ENGINE[1], message);
+                assert_eq!(rate > 0.0, what != "nothing", "{what}: {rate}");
+            }
+        });
+    }
+}
+
 #[test]
 fn efi_status_is_what_the_engine_reports_and_never_a_number_that_cannot_be_cast() {
     run(async |world| {
