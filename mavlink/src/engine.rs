@@ -51,6 +51,19 @@ struct LastStart {
     while_disarmed: bool,
     at: Instant,
     ack: Ack,
+    /// Highest confirmation of its copies, and when the last one was received.
+    confirmation: u8,
+    last_rx: Instant,
+}
+
+impl LastStart {
+    /// Whether a start with this confirmation is a copy of it. A confirmation that does not rise is of another start, whose first copies were
+    /// lost; but copies may overtake each other.
+    fn is_repeated(&self, now: Instant, confirmation: u8) -> bool {
+        now < self.at + REPEAT
+            || confirmation > self.confirmation
+            || confirmation > 0 && now < self.last_rx + REPEAT
+    }
 }
 
 #[derive(Debug)]
@@ -82,7 +95,10 @@ pub(crate) struct Engine<'a> {
     stop_noted: bool,
     /// The last start of each sender.
     last_starts: Vec<LastStart, SENDERS>,
+    /// The last stop, of any source.
     stopped_at: Option<Instant>,
+    /// It was ordered to run, or its start waited, when that was last looked at.
+    was_ordered: bool,
     refreshed: Option<Instant>,
     /// Who waits for the end of a start, and on which port.
     pub progress: Option<(u8, Address)>,
@@ -149,6 +165,7 @@ impl<'a> Engine<'a> {
             stop_noted: false,
             last_starts: Vec::new(),
             stopped_at: None,
+            was_ordered: false,
             refreshed: None,
             progress: None,
             stood_by: false,
@@ -285,30 +302,31 @@ impl<'a> Engine<'a> {
         while_disarmed: bool,
     ) -> Result<(), (Ack, Option<Refusal>)> {
         let now = situation.now;
+        // Another source may have stopped the engine since the last update.
+        self.follow(situation, &self.telemetry());
         let refused = |why: Refusal| Err((why.ack(), Some(why)));
         // It was sent before the stop, and its first copy was lost.
         if confirmation > 0 && self.stopped_at.is_some_and(|at| now < at + REPEAT) {
             return refused(Refusal::Stopped);
         }
-        let last =
-            self.last_starts.iter().find(|last| last.from == from && last.while_disarmed == while_disarmed);
-        if let Some(last) = last.filter(|last| confirmation > 0 || now < last.at + REPEAT) {
-            let recent = now < last.at + REPEAT;
-            match last.ack {
-                _ if self.stopped_at.is_some_and(|at| at >= last.at) => return refused(Refusal::Stopped),
-                Ack::Accepted if self.switch != Switch::Stopped => return Err((Ack::Accepted, None)),
-                Ack::Accepted if recent => return refused(Refusal::HasEnded),
-                ack if recent => return Err((ack, Some(Refusal::Repeated))),
-                // Circumstances may have changed since.
-                _ => {}
-            }
+        let mut last = self.last_starts.iter_mut();
+        let last = last.find(|last| last.from == from && last.while_disarmed == while_disarmed);
+        if let Some(last) = last.filter(|last| last.is_repeated(now, confirmation)) {
+            last.confirmation = last.confirmation.max(confirmation);
+            last.last_rx = now;
+            return match last.ack {
+                _ if self.stopped_at.is_some_and(|at| at >= last.at) => refused(Refusal::Stopped),
+                Ack::Accepted if self.switch != Switch::Stopped => Err((Ack::Accepted, None)),
+                Ack::Accepted => refused(Refusal::HasEnded),
+                ack => Err((ack, Some(Refusal::Repeated))),
+            };
         }
         let answer = self.try_start(situation, from, while_disarmed);
         let ack = match answer {
             Ok(()) => Ack::Accepted,
             Err(why) => why.ack(),
         };
-        self.note_start(LastStart { from, while_disarmed, at: now, ack });
+        self.note_start(LastStart { from, while_disarmed, at: now, ack, confirmation, last_rx: now });
         answer.map_err(|why| (ack, Some(why)))
     }
 
@@ -416,7 +434,6 @@ impl<'a> Engine<'a> {
     /// Stops the engine at once, without cooling. Latched.
     pub fn emergency_stop(&mut self, now: Instant) {
         self.switch = Switch::Stopped;
-        self.stopped_at = Some(now);
         // It is never refused.
         let _ = self.command(Command::EmergencyStop);
         self.note_emergency_stop(now);
@@ -425,7 +442,7 @@ impl<'a> Engine<'a> {
     /// The library has disarmed the engine, and retains over resets that MAVLink has to disarm before it arms.
     fn note_emergency_stop(&mut self, now: Instant) {
         (self.armed, self.armed_for_start, self.disarmed) = (false, false, false);
-        (self.must_disarm, self.stop_noted) = (Some(now), true);
+        (self.must_disarm, self.stop_noted, self.stopped_at) = (Some(now), true, Some(now));
     }
 
     /// Releases an emergency stop.
@@ -517,6 +534,14 @@ impl<'a> Engine<'a> {
             self.note_emergency_stop(situation.now);
         }
         self.stop_noted &= telemetry.stop_latched;
+        let is_ordered = matches!(telemetry.ordered.order, Order::Run(_) | Order::Doubt(_) | Order::Pwm)
+            || telemetry.start_waits_until.is_some();
+        let has_ended = core::mem::replace(&mut self.was_ordered, is_ordered)
+            && telemetry.ordered.order == Order::Standby;
+        // What MAVLink stops is noted there; what the node ends is no stop.
+        if has_ended && !is_ordered && !matches!(telemetry.ordered.origin, Origin::Node | Origin::Mavlink) {
+            self.stopped_at = Some(situation.now);
+        }
         match telemetry.ordered.order {
             Order::Run(_) | Order::Doubt(_) if telemetry.active_source != Origin::Node => {
                 self.run_by = Some(telemetry.active_source);

@@ -32,7 +32,7 @@ pub enum Refusal {
     NotInControl,
     /// A repeat of a start from before the last stop.
     Stopped,
-    /// A repeat of a start that was refused a moment ago.
+    /// A repeat of a start that was refused.
     Repeated,
     /// A repeat of a start whose run has ended without a stop.
     HasEnded,
@@ -118,7 +118,7 @@ impl core::fmt::Display for Refusal {
                 f.write_str("MAVLink is not in control of the engine yet: try again in 1 s")
             }
             Self::Stopped => f.write_str("stopped since: this start is a repeat, send a new one after 5 s"),
-            Self::Repeated => f.write_str("repeated within 5 s of the refused one, wait 5 s"),
+            Self::Repeated => f.write_str("this repeats a refused start: send a new one after 5 s"),
             Self::HasEnded => f.write_str("the run of this start has ended: send a new one after 5 s"),
             Self::Restarts => f.write_str("the node is about to restart"),
             Self::ShutsOut => {

@@ -32,7 +32,7 @@ fn each_condition_of_a_start_is_named() {
         world.pass_s(1.0).await;
         let (answer, text) = world.control(0, &[1.0]).await;
         assert_eq!(answer, NOT_NOW);
-        assert!(text.contains("repeated within 5 s"), "{text}");
+        assert!(text.contains("this repeats a refused start"), "{text}");
         world.throttle(0);
         world.pass_s(6.0).await;
         let (answer, text) = world.control(0, &[1.0]).await;
@@ -228,6 +228,90 @@ fn a_repeated_start_gets_the_last_answer_and_does_nothing() {
         assert_eq!(world.telemetry(1).ordered.order, Order::Standby);
         world.cold(1).await;
         assert_eq!(again(GROUND, 0).await.0, ACCEPTED, "a new one");
+    });
+}
+
+/// However late: the sender counts one start on. The control: a new one of it is decided anew.
+#[test]
+fn a_late_repeat_of_a_refused_start_gets_its_answer_and_starts_nothing() {
+    run(async |world| {
+        world.ready().await;
+        let target = (SYSTEM, ENGINE[1]);
+        let start = async |confirmation: u8| {
+            let command = CMD_DO_ENGINE_CONTROL;
+            world.command_from(TO_GROUND, GROUND, target, command, confirmation, &[1.0]).await
+        };
+        world.throttle(1500);
+        world.pass_s(1.0).await;
+        let (answer, text) = start(0).await;
+        assert!(answer == NOT_NOW && text.contains("throttle to idle first"), "{answer:?} {text}");
+        world.throttle(IDLE_US);
+        world.pass_s(30.0).await;
+        let (answer, text) = start(1).await;
+        assert!(answer == NOT_NOW && text.contains("repeats a refused start"), "{answer:?} {text}");
+        // On another way, later than the next one.
+        assert_eq!(start(3).await.0, NOT_NOW);
+        world.pass_s(3.0).await;
+        assert_eq!(start(2).await.0, NOT_NOW);
+        assert_eq!(world.telemetry(1).ordered.order, Order::Standby);
+        assert_eq!(start(0).await.0, ACCEPTED);
+    });
+}
+
+/// By radio control, with standby or an emergency stop. The control: a new start.
+#[test]
+fn a_repeat_starts_nothing_behind_a_stop_of_another_source() {
+    for stop in [Command::ShutDown, Command::EmergencyStop] {
+        run(async |world| {
+            world.ready().await;
+            let radio = world.node.owners()[1].source(Origin::Rc).unwrap();
+            let start = async |component: u8, confirmation: u8| {
+                let (from, to) = (Address { system: 255, component }, (SYSTEM, ENGINE[1]));
+                let command = CMD_DO_ENGINE_CONTROL;
+                world.command_from(TO_GROUND, from, to, command, confirmation, &[1.0]).await
+            };
+            assert_eq!(start(190, 0).await.0, ACCEPTED);
+            world.pass_s(3.0).await;
+            assert!(radio.command(stop).is_ok());
+            // At once, and late. The one of the second sender was sent before the stop, and its first copy was lost.
+            for (sender, after) in [(191, 0.0), (190, 0.0), (190, 10.0)] {
+                world.pass_s(after).await;
+                let (answer, text) = start(sender, 1).await;
+                assert_eq!(answer, NOT_NOW, "{stop:?} {sender} {text}");
+                assert!(text.contains("this start is a repeat"), "{stop:?} {sender} {text}");
+                assert_eq!(world.ordered(1), None);
+            }
+            if stop == Command::ShutDown {
+                world.cold(1).await;
+                assert_eq!(start(190, 0).await.0, ACCEPTED);
+            }
+        });
+    }
+}
+
+/// A sender whose first copies are always lost, or that begins to count at 1, is not locked out.
+#[test]
+fn a_confirmation_that_does_not_rise_is_of_a_new_start() {
+    run(async |world| {
+        world.ready().await;
+        let start = async |confirmation: u8| {
+            let (to, command) = ((SYSTEM, ENGINE[1]), CMD_DO_ENGINE_CONTROL);
+            world.command_from(TO_GROUND, GROUND, to, command, confirmation, &[1.0]).await
+        };
+        world.throttle(1500);
+        world.pass_s(1.0).await;
+        assert_eq!(start(1).await.0, NOT_NOW);
+        world.throttle(IDLE_US);
+        world.pass_s(6.0).await;
+        assert_eq!(start(1).await.0, ACCEPTED);
+        world.pass_s(6.0).await;
+        assert_eq!(start(2).await.0, ACCEPTED, "a repeat");
+        assert_eq!(world.control(1, &[0.0]).await.0, ACCEPTED);
+        world.cold(1).await;
+        let (answer, text) = start(3).await;
+        assert!(answer == NOT_NOW && text.contains("this start is a repeat"), "{answer:?} {text}");
+        world.pass_s(6.0).await;
+        assert_eq!(start(1).await.0, ACCEPTED, "a new one");
     });
 }
 
