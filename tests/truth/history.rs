@@ -310,10 +310,10 @@ pub enum Word {
     },
     /// Heartbeat of any component of a system that may command.
     Station,
-    /// A start. `again`: sent with a confirmation above 0.
+    /// A start, with its confirmation.
     Start {
         from: u8,
-        again: bool,
+        confirmation: u8,
         while_disarmed: bool,
     },
     Stop,

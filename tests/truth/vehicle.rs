@@ -556,8 +556,8 @@ impl Vehicle {
         let (port, from) = if companion { (TO_AUTOPILOT, COMPANION) } else { (TO_GROUND, GROUND) };
         let to = (SYSTEM, to);
         let meaning = match meaning {
-            Meaning::To(place, Word::Start { again, while_disarmed, .. }) => {
-                Meaning::To(place, Word::Start { from: from.1, again, while_disarmed })
+            Meaning::To(place, Word::Start { confirmation, while_disarmed, .. }) => {
+                Meaning::To(place, Word::Start { from: from.1, confirmation, while_disarmed })
             }
             other => other,
         };
@@ -578,8 +578,8 @@ impl Vehicle {
             };
             let meaning = match &meaning {
                 Meaning::To(place, Word::Start { from, while_disarmed, .. }) => {
-                    let (from, while_disarmed, again) = (*from, *while_disarmed, confirmation > 0);
-                    Meaning::To(*place, Word::Start { from, again, while_disarmed })
+                    let (from, while_disarmed) = (*from, *while_disarmed);
+                    Meaning::To(*place, Word::Start { from, confirmation, while_disarmed })
                 }
                 other => other.clone(),
             };
@@ -592,7 +592,7 @@ impl Vehicle {
         let how = if while_disarmed { ", disarmed or not" } else { "" };
         contexts[person.engine].note(format!("ground station: start{how}"));
         let params = [1.0, 0.0, 0.0, f32::from(u8::from(while_disarmed)), 0.0, 0.0, 0.0];
-        let meaning = Meaning::To(place, Word::Start { from: 0, again: false, while_disarmed });
+        let meaning = Meaning::To(place, Word::Start { from: 0, confirmation: 0, while_disarmed });
         self.command(now, NODE + 1 + place as u8, ENGINE_CONTROL, params, meaning);
     }
 
@@ -650,8 +650,12 @@ impl Vehicle {
             }
         };
         let stops_elsewhere = from == GROUND && to.0 != SYSTEM && params == stop;
+        // Of a stop only the first parameter counts.
+        let stops = (from, to, number) == (GROUND, own, ENGINE_CONTROL) && params[0] == 0.0;
         let (meaning, counts) = if stops_elsewhere {
             (Meaning::To(place, Word::StopElsewhere), "where the node has no id")
+        } else if stops {
+            (Meaning::To(place, Word::Stop), "as a stop")
         } else {
             (Meaning::Nothing, "for nothing")
         };

@@ -28,10 +28,33 @@ struct Words<'a> {
     shown: Vec<(u64, Option<bool>)>,
     /// Starts that are not repeats, of all senders.
     starts: Vec<(u64, bool)>,
-    /// Repeats that may be judged anew: what they repeat is 5 s old, or may not have been found after a damaged frame.
+    /// Repeats that may be judged anew: what they repeat may not have been found after a damaged frame, or before the node has an id.
     renewed: Vec<(u64, bool)>,
     /// From here on the node has the id of the vehicle, also across resets: it has answered.
     known: u64,
+}
+
+/// The last start of a sender.
+struct LastStart {
+    from: u8,
+    at: u64,
+    while_disarmed: bool,
+    /// Highest of its copies, and when the last one was received.
+    confirmation: u8,
+    last_rx: u64,
+    /// A copy may not have been found.
+    is_unsure: bool,
+    /// When a copy may have been judged anew.
+    anew: Option<u64>,
+}
+
+impl LastStart {
+    /// Whether a start is a copy of it: within 5 s, or by its number, however late. Copies may overtake each other.
+    const fn is_repeated(&self, at: u64, confirmation: u8) -> bool {
+        at < self.at + REPEAT
+            || confirmation > self.confirmation
+            || confirmation > 0 && at < self.last_rx + REPEAT
+    }
 }
 
 impl<'a> Words<'a> {
@@ -41,8 +64,9 @@ impl<'a> Words<'a> {
         let mut ups = resets.iter().map(|(_, up)| *up).peekable();
         let (mut shown, mut same) = (vec![(0, None)], (false, 0));
         let (mut starts, mut renewed) = (Vec::new(), Vec::new());
-        // Of each sender: the last start, whether it was allowed while disarmed, and when a repeat of it may have been judged anew.
-        let mut last: Vec<(u8, u64, bool, Option<u64>)> = Vec::new();
+        let answered = mavlink.answers.first().map_or(u64::MAX, |answer| answer.at);
+        let known = if mavlink.learns { answered } else { 0 };
+        let mut last: Vec<LastStart> = Vec::new();
         for Received { at, word } in &mavlink.received {
             while let Some(up) = ups.next_if(|up| up <= at) {
                 shown.push((up, None));
@@ -56,29 +80,46 @@ impl<'a> Words<'a> {
                         shown.push((*at, Some(armed)));
                     }
                 }
-                Word::Start { from, again, while_disarmed } => {
-                    let recent = |when: u64| *at < when + REPEAT;
-                    match last.iter_mut().find(|(sender, ..)| *sender == from) {
-                        Some((_, when, same, anew))
-                            if *same == while_disarmed && (again || recent(*when)) =>
+                Word::Start { from, confirmation, while_disarmed } => {
+                    // What looks like a frame of an unknown message is skipped as a whole, with what is in it. A node without an id ignores it.
+                    let is_unsure = late.contains(*at) || *at <= known;
+                    let new = LastStart {
+                        from,
+                        at: *at,
+                        while_disarmed,
+                        confirmation,
+                        last_rx: *at,
+                        is_unsure,
+                        anew: None,
+                    };
+                    match last.iter_mut().find(|last| last.from == from) {
+                        Some(last)
+                            if last.while_disarmed == while_disarmed
+                                && last.is_repeated(*at, confirmation) =>
                         {
-                            // What looks like a frame of an unknown message is skipped as a whole, with what is in it.
-                            if !recent(*when) || late.contains(*when) {
-                                *anew = Some(*at);
+                            if last.is_unsure {
+                                last.anew = Some(*at);
                                 renewed.push((*at, while_disarmed));
                             }
+                            last.confirmation = last.confirmation.max(confirmation);
+                            last.last_rx = *at;
+                            last.is_unsure |= is_unsure;
                         }
-                        // It may repeat what may have been judged anew.
-                        Some((_, when, same, Some(anew))) if *same == while_disarmed && recent(*anew) => {
-                            *when = *at;
+                        // It may repeat what may have been judged anew, or what came before a start that was not found.
+                        Some(last)
+                            if last.while_disarmed == while_disarmed
+                                && (last.anew.is_some_and(|anew| *at < anew + REPEAT)
+                                    || confirmation > 0 && last.is_unsure) =>
+                        {
+                            *last = LastStart { is_unsure: true, ..new };
                             renewed.push((*at, while_disarmed));
                         }
-                        Some(before) => {
-                            *before = (from, *at, while_disarmed, None);
+                        Some(last) => {
+                            *last = new;
                             starts.push((*at, while_disarmed));
                         }
                         None => {
-                            last.push((from, *at, while_disarmed, None));
+                            last.push(new);
                             starts.push((*at, while_disarmed));
                         }
                     }
@@ -86,8 +127,6 @@ impl<'a> Words<'a> {
                 _ => {}
             }
         }
-        let answered = mavlink.answers.first().map_or(u64::MAX, |answer| answer.at);
-        let known = if mavlink.learns { answered } else { 0 };
         Self { mavlink, late, shown, starts, renewed, known }
     }
 
@@ -106,6 +145,15 @@ impl<'a> Words<'a> {
     /// The words that may be found at this instant.
     fn now(&self, at: u64) -> impl Iterator<Item = Word> + 'a {
         self.received(at - self.tolerance(at).min(at), at).iter().map(|received| received.word)
+    }
+
+    /// Whether heartbeats of the vehicle certainly had a gap in this time, which is none of what it showed before.
+    fn is_silent(&self, from_us: u64, to_us: u64) -> bool {
+        let heartbeats = self.received(from_us, to_us).iter();
+        let heartbeats = heartbeats.filter(|received| matches!(received.word, Word::Vehicle { .. }));
+        let times = heartbeats.map(|received| received.at).chain([to_us]);
+        let mut last = from_us;
+        times.into_iter().any(|at| at > core::mem::replace(&mut last, at) + HEARTBEAT + FOUND_LATE)
     }
 
     /// What the vehicle has shown at an instant.
@@ -206,7 +254,9 @@ impl Case<'_> {
                     stopped = Some(at);
                     let long = words.mavlink.standby_after.is_some_and(|after| {
                         let since = at.saturating_sub(after);
-                        !words.may_show(since + TICK, at, true) && words.shows(at) == Some(false)
+                        !words.may_show(since + TICK, at, true)
+                            && words.shows(at) == Some(false)
+                            && !words.is_silent(since, at)
                     });
                     let unnamed = at < words.known && any(|word| word == Word::StopElsewhere);
                     let received = any(|word| word == Word::Stop) || unnamed;

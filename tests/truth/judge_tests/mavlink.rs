@@ -5,7 +5,7 @@ use crate::history::{Answered, ByMavlink, Received, Word};
 
 const MAVLINK: usize = 2;
 const RUN: PilotCommand = PilotCommand::Run(Demanded::Throttle(0));
-const START: Word = Word::Start { from: 255, again: false, while_disarmed: false };
+const START: Word = Word::Start { from: 255, confirmation: 0, while_disarmed: false };
 const ARMED: Word = Word::Vehicle { armed: true };
 const DISARMED: Word = Word::Vehicle { armed: false };
 
@@ -69,13 +69,36 @@ fn a_start_is_what_somebody_commanded_of_an_armed_vehicle_at_idle() {
     // The same again is a repeat.
     assert!(with(&[(4.0, START)], &[(4.0, PilotCommand::Standby), (4.0, RUN)]));
     assert!(!with(&[(4.0, START)], &[]));
+    // By its number, however late. A number that does not rise is of a new start.
+    let late = |first: u8, next: u8, at: f64| {
+        let start = |confirmation: u8| Word::Start { from: 255, confirmation, while_disarmed: false };
+        let words = [&other(3, start(first))[..], &[(at - 0.1, output(0)), (at, start(next))]].concat();
+        breaks(&words, &[&COMMANDS[..], &[(at, PilotCommand::Standby), (at, RUN)]].concat())
+    };
+    assert!(late(0, 1, 20.0) && late(1, 2, 20.0) && late(1, 1, 7.0));
+    assert!(!late(1, 1, 20.0) && !late(0, 0, 20.0) && !late(2, 1, 20.0));
+}
+
+/// Silence is neither armed nor disarmed.
+#[test]
+fn a_vehicle_that_shows_disarmed_for_its_time_stops_its_engine_and_a_silent_one_does_not() {
+    let breaks = |until: u32| {
+        let shown = (0..until).map(|second| (4.0 + f64::from(second), DISARMED));
+        let words: Vec<_> = WORDS.into_iter().chain(shown).collect();
+        let commands = [(5.0, PilotCommand::Disarm), (25.5, PilotCommand::ShutDown)];
+        let settings = ByMavlink { standby_after: Some(20 * SECOND), ..ByMavlink::default() };
+        breaks_where(settings, &words, &[&COMMANDS[..], &commands].concat())
+    };
+    assert!(!breaks(22), "it has shown disarmed all the time");
+    assert!(breaks(4), "it is silent");
+    assert!(breaks(13), "it is silent at the end");
 }
 
 /// 600100023: by its header, a damaged frame included the bytes after it, which were skipped with the start in them; the node
 /// found only the repeat.
 #[test]
 fn a_repeat_starts_where_the_start_was_lost_behind_a_damaged_frame() {
-    let again = Word::Start { from: 255, again: true, while_disarmed: false };
+    let again = Word::Start { from: 255, confirmation: 1, while_disarmed: false };
     let words = [&WORDS[..], &[(4.8, output(0)), (4.8, again)]].concat();
     let commands = [COMMANDS[0], (4.8, PilotCommand::Standby), (4.8, RUN)];
     assert!(!breaks_behind(&[2.7], &words, &commands));
