@@ -1,7 +1,7 @@
 //! One port: frames in, a queue of frames out, and its share of telemetry.
 //!
 //! Telemetry stays below a quarter of the port, and is the first to be dropped: an answer finds space as long as the port
-//! transmits at all.
+//! transmits at all. Heartbeats and texts are always sent and use up this quarter first.
 
 use crate::frame::{Address, Decoder, MAX_FRAME, Received, encode_payload};
 use crate::sent::Payload;
@@ -15,6 +15,9 @@ const QUEUE: usize = 1024;
 const TELEMETRY_QUEUE: usize = 384;
 /// Telemetry that may be sent at once, as a time of the port's quarter.
 const BURST: Duration = Duration::from_millis(400);
+
+/// Longest time for which heartbeats and texts that exceed a quarter of the port keep other telemetry from it.
+const DEBT: Duration = Duration::from_secs(5);
 
 /// Time between the named values of two engines.
 const STAGGER: Duration = Duration::from_millis(130);
@@ -61,15 +64,17 @@ pub struct PortCounters {
     pub queued: u32,
     /// Frames of telemetry that were dropped.
     pub telemetry_dropped: u32,
-    /// Answers that were dropped: the port does not transmit.
+    /// Answers, heartbeats and texts that were dropped: the port does not transmit.
     pub answers_dropped: u32,
 }
 
 /// Purpose of a frame.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Class {
-    /// An answer, or a heartbeat.
+    /// An answer.
     Answer,
+    /// A heartbeat or a text: sent like an answer, and counted as telemetry.
+    Always,
     Telemetry,
 }
 
@@ -243,21 +248,21 @@ impl<const N: usize> Port<N> {
         let length = frame.len() + if seal.is_some() { SIGNATURE } else { 0 };
         let free = QUEUE - self.queue.len();
         let fits = match class {
-            Class::Answer => length <= free,
+            Class::Answer | Class::Always => length <= free,
             Class::Telemetry => {
                 self.queue.len() + length <= TELEMETRY_QUEUE && self.used_until <= now + BURST
             }
         };
         if !fits {
             let count = match class {
-                Class::Answer => &mut self.counters.answers_dropped,
+                Class::Answer | Class::Always => &mut self.counters.answers_dropped,
                 Class::Telemetry => &mut self.counters.telemetry_dropped,
             };
             *count = count.wrapping_add(1);
             return false;
         }
-        if class == Class::Telemetry {
-            self.used_until = self.used_until.max(now) + self.quarter(length);
+        if class != Class::Answer {
+            self.used_until = (self.used_until.max(now) + self.quarter(length)).min(now + DEBT);
         }
         let sequence = match engine.and_then(|engine| self.streams.get_mut(engine)) {
             Some(stream) => &mut stream.sequence,
@@ -271,12 +276,6 @@ impl<const N: usize> Port<N> {
         }
         self.push(&frame);
         true
-    }
-
-    /// Counts bytes as telemetry that are sent in any case.
-    pub fn charge(&mut self, now: Instant, bytes: usize) {
-        let limit = now + BURST + BURST;
-        self.used_until = (self.used_until.max(now) + self.quarter(bytes)).min(limit);
     }
 
     /// Time in which a quarter of the port carries these bytes.

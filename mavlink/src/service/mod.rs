@@ -496,7 +496,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         };
         for port in ports {
             for piece in pieces(severity, &text, self.text_id) {
-                self.send(now, port, place, Class::Answer, &piece);
+                self.send(now, port, place, Class::Always, &piece);
             }
         }
     }

@@ -17,8 +17,6 @@ use embassy_time::{Duration, Instant};
 use jetlink::units::{Verbatim, Whole};
 use mavlink_core::types::CharArray;
 
-/// Bytes of a heartbeat that is not signed.
-const HEARTBEAT_BYTES: usize = 21;
 /// Interval on a port that carries everything.
 const WIDE_EVERY: Duration = Duration::from_millis(100);
 const VALUES_EVERY: Duration = Duration::from_secs(1);
@@ -129,12 +127,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
                 heartbeat(&engine.telemetry(), engine.is_at_run())
             }
         };
-        let bytes = HEARTBEAT_BYTES + self.signing.overhead();
-        if self.send(now, port, place, Class::Answer, &message)
-            && let Some(port) = self.ports.get_mut(port)
-        {
-            port.charge(now, bytes);
-        }
+        self.send(now, port, place, Class::Always, &message);
     }
 
     /// Sends the counters of frames ignored because of their signature: one a second, those above 0 in turn.

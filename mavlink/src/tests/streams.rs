@@ -2,8 +2,11 @@
 
 use super::world::*;
 use crate::dialect::*;
+use crate::frame::encode;
 use crate::ids::*;
+use crate::port::PortConfig;
 use crate::settings::{Identity, NodeSettings};
+use crate::signing::SigningState;
 use embassy_time::{Duration, Instant};
 use std::string::{String, ToString};
 use std::vec::Vec;
@@ -233,4 +236,68 @@ fn the_state_of_an_engine_is_in_its_heartbeat_and_its_texts() {
             assert!(texts.contains(text), "{text}: {texts}");
         }
     });
+}
+
+/// Bytes and frames of telemetry on a slow port within 30 s, with or without a refused setting, which only a text answers, every half second.
+fn on_a_slow_port(baud: u32, with_texts: bool) -> (f64, usize, usize) {
+    let mut found = None;
+    let port = PortConfig::uart(baud);
+    run_signed(NodeSettings::DEFAULT, SigningState::NONE, port, async |world| {
+        world.ready().await;
+        // What the start reported has been paid for.
+        world.pass_s(30.0).await;
+        let (bytes, frames) = (world.bytes.borrow()[TO_GROUND], world.frames.borrow().len());
+        for _ in 0..60 {
+            match with_texts {
+                true => drop(world.set(ENGINE[0], "NO_SUCH", 1.0).await),
+                false => world.pass_s(0.2).await,
+            }
+            world.pass_s(0.3).await;
+        }
+        let share =
+            (world.bytes.borrow()[TO_GROUND] - bytes) as f64 / 30.0 / f64::from(port.bytes_per_second);
+        let sent = world.frames.borrow();
+        let count = |what: fn(&MavMessage) -> bool| {
+            sent.iter()
+                .skip(frames)
+                .filter(|(_, on, frame)| *on == TO_GROUND && what(&frame.message()))
+                .count()
+        };
+        found = Some((share, count(EFI) + count(VALUES), count(BEAT)));
+    });
+    found.unwrap()
+}
+
+#[test]
+fn other_telemetry_gives_way_to_texts_and_heartbeats_are_always_sent() {
+    let (share, telemetry, beats) = on_a_slow_port(4800, false);
+    assert!((0.2..0.25).contains(&share), "{share}");
+    assert!(telemetry > 15 && beats == 90, "{telemetry}, {beats}");
+    let (share, telemetry, beats) = on_a_slow_port(4800, true);
+    // 63 bytes of heartbeats and two texts of 59 in each second: already more than a quarter.
+    assert_eq!((telemetry, beats), (0, 90), "{share}");
+    assert!(share < 0.4, "{share}");
+}
+
+/// The exception that docs/mavlink.md states: nothing else that is not requested is sent then.
+#[test]
+fn at_2400_baud_heartbeats_of_three_components_take_the_whole_share() {
+    let (share, telemetry, beats) = on_a_slow_port(2400, false);
+    assert_eq!((telemetry, beats), (0, 90));
+    assert!((0.26..0.27).contains(&share), "{share}");
+}
+
+#[test]
+fn heartbeats_of_four_engines_have_the_documented_share() {
+    let documented = include_str!("../../../docs/mavlink.md");
+    let beat = encode(GROUND, 0, &HEARTBEAT_DATA { mavlink_version: 3, ..Default::default() }).len() as u32;
+    let signed = beat + crate::signing::SIGNATURE as u32;
+    assert_eq!((beat, signed), (21, 34));
+    for baud in jetlink::line::Line::BAUD_RATES {
+        let percent = |bytes: u32| (5 * bytes * 1000 + baud / 2) / baud;
+        let row = std::format!("| {baud} | {} % | {} % |", percent(beat), percent(signed));
+        assert!(documented.contains(&row), "{row}");
+        // With six engines, the most that an image has, signed.
+        assert_eq!(7 * signed * 40 < baud, baud >= 9600, "below a quarter at {baud}");
+    }
 }
