@@ -136,6 +136,8 @@ pub struct Service<'a, const N: usize, const P: usize, A: Attached = Nothing> {
     confirming: bool,
     /// Parameters that were set and are not stored yet.
     pending: Deque<Pending, PENDING>,
+    /// How many of them were set when the record that is being saved was made.
+    saving: usize,
     counters: Counters,
     /// What was handled, for a judge.
     #[cfg(test)]
@@ -159,6 +161,7 @@ struct Pending {
     port: usize,
     place: Place,
     index: usize,
+    /// Its value before: that of an earlier change, if one waits.
     old: i32,
 }
 
@@ -243,6 +246,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             #[cfg(feature = "signing")]
             confirming: false,
             pending: Deque::new(),
+            saving: 0,
             counters: Counters::default(),
             #[cfg(test)]
             handled: std::vec::Vec::new(),

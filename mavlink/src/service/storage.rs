@@ -1,6 +1,6 @@
 //! Stored settings: a parameter that was set is answered when it is stored, and restored if it cannot be.
 
-use super::{ParameterStorage, Pending, Place, Service};
+use super::{PENDING, ParameterStorage, Pending, Place, Service};
 use crate::attached::Attached;
 use crate::frame::Address;
 use crate::ids::Severity;
@@ -11,6 +11,7 @@ use crate::retained_settings::{Defaults, fit};
 use crate::settings::{LEARNT, Name, Parameter, Table, find_row};
 use crate::store::NotSaved;
 use embassy_time::Instant;
+use heapless::Vec;
 use jetlink::setting::Effect;
 use jetlink::units::Verbatim;
 use jetlink::wiring::{Wiring, WiringError};
@@ -146,13 +147,18 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         if let Some(stamp) = self.cover.next_save() {
             return Some((record::SIGNING_KEY, record::of_signing(self.signing.key(), stamp)));
         }
-        let pending = self.pending.front()?;
-        let place = match pending.place.engine() {
+        let place = self.place_of_record(self.pending.front()?);
+        self.saving = self.pending.len();
+        self.record(place)
+    }
+
+    /// The place of the record that has this setting.
+    fn place_of_record(&self, pending: &Pending) -> usize {
+        match pending.place.engine() {
             None => 0,
             Some(engine) if self.is_attached(pending.place, pending.index) => self.engines.len() + 1 + engine,
             Some(engine) => engine + 1,
-        };
-        self.record(place)
+        }
     }
 
     /// Number of records: the node, then the engines, then the attached devices of each of them, then signing.
@@ -220,8 +226,8 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             .is_some()
     }
 
-    /// Takes the result of the save that [`Service::next_save`] requested: the setting is answered, and restored if it was not
-    /// saved.
+    /// Takes the result of the save that [`Service::next_save`] requested: the settings in its record are answered. If it was not saved, all
+    /// changes of its settings are taken back, also later ones, which may fit only together with those.
     pub fn saved(&mut self, now: Instant, result: Result<(), NotSaved>) {
         #[cfg(feature = "signing")]
         if self.cover.saved(result) {
@@ -234,24 +240,38 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             }
             return;
         }
-        let Some(Pending { port, place, index, old }) = self.pending.pop_front() else { return };
-        let result = match result {
-            Ok(()) => Ok(()),
-            Err(why) => {
+        let Some(record) = self.pending.front().map(|first| self.place_of_record(first)) else { return };
+        let saving = core::mem::take(&mut self.saving);
+        let mut ended = Vec::<Pending, PENDING>::new();
+        for place in 0..self.pending.len() {
+            let Some(pending) = self.pending.pop_front() else { break };
+            let ends = (result.is_err() || place < saving) && self.place_of_record(&pending) == record;
+            // There is space in either.
+            let _ = if ends { ended.push(pending) } else { self.pending.push_back(pending) };
+        }
+        let result = result.map_err(|why| match why {
+            NotSaved::Full => Refusal::StoreFull,
+            NotSaved::Failed => Refusal::StoreFails,
+        });
+        if result.is_err() {
+            // The last one first: the value before it may be that of an earlier one.
+            for &Pending { place, index, old, .. } in ended.iter().rev() {
                 if let Some(parameter) = self.parameter(place, index) {
                     self.restore(place, parameter, old);
                 }
-                Err(match why {
-                    NotSaved::Full => Refusal::StoreFull,
-                    NotSaved::Failed => Refusal::StoreFails,
-                })
             }
-        };
-        self.settled(now, port, place, index, result);
+        }
+        // Where the port has no space for all of it, it is a text that is dropped.
+        for &Pending { port, place, index, .. } in &ended {
+            self.send_parameter(now, port, place, index);
+        }
+        for &Pending { port, place, index, .. } in &ended {
+            self.say_settled(now, port, place, index, result);
+        }
     }
 
-    /// Answers a change of a setting.
-    fn settled(
+    /// Counts a change of a setting, and says what has become of it.
+    fn say_settled(
         &mut self,
         now: Instant,
         port: usize,
@@ -288,8 +308,6 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
                 self.say(now, place, Severity::Warning, Some(port), format_args!("{name} not set: {why}"));
             }
         }
-        // The new value, or the old one if it was refused.
-        self.send_parameter(now, port, place, index);
     }
 
     /// Whether settings of an engine's link wait until it is at rest.
@@ -426,7 +444,9 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             // There is space. It is answered when it is stored.
             let _ = self.pending.push_back(Pending { port, place, index, old });
         } else {
-            self.settled(now, port, place, index, result);
+            self.say_settled(now, port, place, index, result);
+            // The new value, or the old one if it was refused.
+            self.send_parameter(now, port, place, index);
         }
     }
 }

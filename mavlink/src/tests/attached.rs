@@ -278,18 +278,20 @@ fn a_calibration_of_the_stick_sets_its_end_points() {
         };
         assert_eq!(values(at), [("TOY_B".to_string(), 11.0), ("TOY_C".to_string(), 19.0)]);
 
+        // Both are in one record: they are stored together, or not at all.
         *world.toy.numbers.borrow_mut() = [[0, 1, 2]; 2];
         world.service.borrow_mut().set_parameter_storage(ParameterStorage::Stored);
-        let at = world.frames.borrow().len();
-        assert_eq!(world.command(ENGINE[1], 31010, &END).await.0, Some(0));
-        assert_eq!(values(at), [], "not before they are stored");
-        for result in [Ok(()), Err(NotSaved::Full)] {
+        for (result, [low, high]) in [(Err(NotSaved::Full), [1_u16, 2]), (Ok(()), [11, 19])] {
+            let at = world.frames.borrow().len();
+            assert_eq!(world.command(ENGINE[1], 31010, &END).await.0, Some(0));
+            assert_eq!(values(at), [], "not before they are stored");
             assert!(world.service.borrow_mut().next_save().is_some());
             world.service.borrow_mut().saved(Instant::now(), result);
             world.pass_s(0.2).await;
+            assert_eq!(values(at), [("TOY_B".to_string(), low.into()), ("TOY_C".to_string(), high.into())]);
+            assert_eq!(*world.toy.numbers.borrow(), [[0, 1, 2], [0, low.into(), high.into()]]);
+            assert!(world.service.borrow_mut().next_save().is_none());
         }
-        assert_eq!(values(at), [("TOY_B".to_string(), 11.0), ("TOY_C".to_string(), 2.0)]);
-        assert_eq!(*world.toy.numbers.borrow(), [[0, 1, 2], [0, 11, 2]]);
     });
 }
 

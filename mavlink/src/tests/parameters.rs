@@ -3,6 +3,7 @@
 use super::world::*;
 use crate::dialect::*;
 use crate::port::PortConfig;
+use crate::record::apply_to_engine;
 use crate::retained_settings::{AttachedDefaults, Defaults};
 use crate::service::ParameterStorage;
 use crate::service::parameters::{engine_parameters, node_parameters};
@@ -372,6 +373,69 @@ fn who_may_command_cannot_be_set_so_that_its_sender_may_not() {
             assert_eq!(world.set(NODE, "MAV_GCS_1", 255.0).await.0, Some(255.0));
             assert_eq!(world.set(NODE, "MAV_GCS_2", 255.0).await.0, Some(255.0));
             assert_eq!(world.set(NODE, "MAV_GCS_1", 0.0).await.0, Some(0.0));
+        });
+    }
+}
+
+/// A second change may come before the record with the first one is made, or while that one is being written.
+#[test]
+fn ram_echo_and_store_agree_whichever_save_of_two_changes_fails() {
+    const FAILS: Result<(), NotSaved> = Err(NotSaved::Full);
+    for (results, late, expected) in [
+        ([FAILS, FAILS], false, [0, 1000]),
+        ([FAILS, Ok(())], false, [0, 1000]),
+        ([Ok(()), FAILS], false, [400, 2000]),
+        ([Ok(()), Ok(())], false, [400, 2000]),
+        ([FAILS, FAILS], true, [0, 1000]),
+        ([FAILS, Ok(())], true, [0, 1000]),
+        ([Ok(()), FAILS], true, [300, 1000]),
+        ([Ok(()), Ok(())], true, [400, 2000]),
+    ] {
+        run(async |world| {
+            world.ready().await;
+            world.service.borrow_mut().set_parameter_storage(ParameterStorage::Stored);
+            let at = world.frames.borrow().len();
+            let mut results = results.into_iter();
+            let mut stored = [0, 1000];
+            let begin = || world.service.borrow_mut().next_save();
+            assert_eq!(world.set(ENGINE[0], "LOSS_THR", 300.0).await.0, None);
+            let mut next = if late { begin() } else { None };
+            assert_eq!(world.set(ENGINE[0], "LOSS_THR", 400.0).await.0, None);
+            assert_eq!(world.set(ENGINE[0], "LOSS_HOLD", 2000.0).await.0, None, "of the same record");
+            if !late {
+                next = begin();
+            }
+            while let Some((_, record)) = next {
+                let result = results.next().unwrap_or(Ok(()));
+                if result.is_ok() {
+                    let mut config = EngineConfig::amt("left", 0, Line::new(9600), None);
+                    apply_to_engine(&mut config, &mut EngineSettings::DEFAULT.clone(), &record);
+                    stored = ["LOSS_THR", "LOSS_HOLD"].map(|name| config.number(name).unwrap());
+                }
+                world.service.borrow_mut().saved(Instant::now(), result);
+                world.pass_s(0.2).await;
+                next = begin();
+            }
+            let service = world.service.borrow();
+            let (config, _) = service.engine_settings().next().unwrap();
+            let ram = ["LOSS_THR", "LOSS_HOLD"].map(|name| config.number(name).unwrap());
+            let frames = world.frames.borrow();
+            let echo = |name: &str| {
+                let echoes = frames.iter().skip(at).filter_map(|(_, port, frame)| match &frame.message() {
+                    MavMessage::PARAM_VALUE(value)
+                        if *port == TO_GROUND && value.param_id.to_str() == Ok(name) =>
+                    {
+                        Some(value.param_value as i32)
+                    }
+                    _ => None,
+                });
+                let echoes: Vec<_> = echoes.collect();
+                (echoes.len(), *echoes.last().unwrap())
+            };
+            let (echoed_thr, echoed_hold) = (echo("LOSS_THR"), echo("LOSS_HOLD"));
+            assert_eq!((echoed_thr.0, echoed_hold.0), (2, 1), "each change is answered");
+            let echoed = [echoed_thr.1, echoed_hold.1];
+            assert_eq!((ram, echoed, stored), (expected, expected, expected), "late: {late}");
         });
     }
 }
