@@ -22,7 +22,7 @@ use jetlink_fw::config::{ENGINES, MAVLINK, MAVLINK_ENGINES, TELEMETRY};
 use jetlink_mavlink::port::PortConfig;
 #[cfg(feature = "usb")]
 use jetlink_mavlink::record::read_signing;
-use jetlink_mavlink::record::{apply_to_engine, apply_to_node, engine_of_attached};
+use jetlink_mavlink::record::{NotUsed, apply_to_engine, apply_to_node, engine_of_attached};
 use jetlink_mavlink::retained_settings::{Defaults, fingerprint};
 use jetlink_mavlink::service::{EngineParts, ParameterStorage, Request, Service};
 use jetlink_mavlink::settings::{EngineSettings, Identity, NodeSettings};
@@ -80,6 +80,8 @@ pub struct Settings {
     /// Of each engine, with what is stored.
     pub engines: [EngineConfig; N],
     own: [EngineSettings; N],
+    /// What of it does not fit the engine's line.
+    not_used: [Option<NotUsed>; N],
     /// What the engines are wired to from the next start on: as it is stored.
     wiring: wiring::All,
     /// What they were wired to before the reset, in flight: that stays.
@@ -105,6 +107,7 @@ impl Settings {
             node: NODE,
             engines: ENGINES,
             own: MAVLINK_ENGINES,
+            not_used: [None; N],
             wiring: wiring::IMAGE,
             in_flight: wiring::in_flight(),
             contradiction: None,
@@ -142,8 +145,9 @@ impl Settings {
             apply_to_node(&mut self.node, &mut self.wiring, record);
             return self.wire();
         };
-        if let (Some(config), Some(own)) = (self.engines.get_mut(engine), self.own.get_mut(engine)) {
-            apply_to_engine(config, own, record);
+        let places = (self.engines.get_mut(engine), self.own.get_mut(engine), self.not_used.get_mut(engine));
+        if let (Some(config), Some(own), Some(not_used)) = places {
+            *not_used = apply_to_engine(config, own, record);
         }
     }
 }
@@ -185,6 +189,15 @@ pub fn load(settings: &mut Settings) {
         let engine = ENGINES[error.row].name;
         defmt::error!("{=str}: wiring as in the image, not as stored: {}", engine, error);
     }
+    for (engine, not_used) in ENGINES.iter().zip(&settings.not_used) {
+        if let Some(NotUsed { name, .. }) = not_used {
+            defmt::error!(
+                "{=str}: {=str} as in the image, not as stored: it does not fit the line",
+                engine.name,
+                name
+            );
+        }
+    }
     settings.store = store;
     settings.found = found;
 }
@@ -209,9 +222,8 @@ pub fn build(node: &'static Node<N>, settings: &mut Settings, radio: Option<&'st
     let signing = SigningState::NONE;
     let line = settings.telemetry();
     let store = settings.store.take();
-    let Settings { node: of_node, engines, own, wiring, contradiction, attached, found, retained, .. } =
-        settings;
-    let (found, retained) = (*found, *retained);
+    let Settings { node: of_node, engines, own, not_used, wiring, contradiction, attached, .. } = settings;
+    let (found, retained) = (settings.found, settings.retained);
     let owners = node.owners().into_iter();
     let engines = owners.zip(engines).zip(own).map(|((owner, config), settings)| EngineParts {
         source: defmt::unwrap!(owner.source(Origin::Mavlink)),
@@ -230,6 +242,7 @@ pub fn build(node: &'static Node<N>, settings: &mut Settings, radio: Option<&'st
         } else {
             ParameterStorage::Lost
         });
+        not_used.iter().enumerate().for_each(|(engine, setting)| service.set_not_used(engine, *setting));
         service.set_room(&DEFAULTS);
         service.set_damaged(found == Found::Damaged);
         service.set_wiring(wiring, const { &wiring::IMAGE }, *contradiction);

@@ -132,17 +132,19 @@ pub(crate) fn of_node(
     record
 }
 
-/// The record of an engine; with a default, what differs from it.
+/// The record of an engine; with a default, what differs from it. What is not used stays stored.
 pub(crate) fn of_engine(
     config: &EngineConfig,
     settings: &EngineSettings,
+    not_used: Option<NotUsed>,
     default: Option<(&EngineConfig, &EngineSettings)>,
 ) -> Record {
     write(kind(config), Table::Engine(config), &|name| {
         let of = |config: &EngineConfig, own: &EngineSettings| {
             config.parameter(name).or_else(|| own.own::<false>(name))
         };
-        let value = of(config, settings);
+        let not_used = not_used.filter(|not_used| not_used.name == name);
+        let value = not_used.map(|not_used| not_used.number).or_else(|| of(config, settings));
         value.filter(|_| default.is_none_or(|(config, own)| of(config, own) != value))
     })
 }
@@ -174,19 +176,39 @@ pub fn apply_to_node(settings: &mut NodeSettings, wiring: &mut [Wiring], record:
     }
 }
 
-/// Takes the settings of an engine from its record. Settings that do not fit together stay unchanged.
-pub fn apply_to_engine(config: &mut EngineConfig, settings: &mut EngineSettings, record: &[u8]) {
+/// A stored setting of an engine that its line excludes: another value is in force.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct NotUsed {
+    /// Name of the parameter.
+    pub name: &'static str,
+    /// Stored value.
+    pub number: i32,
+}
+
+/// Takes the settings of an engine from its record. One that does not fit the line, which may have changed since it was set, stays unchanged and is
+/// returned: of each protocol it is one setting at most.
+pub fn apply_to_engine(
+    config: &mut EngineConfig,
+    settings: &mut EngineSettings,
+    record: &[u8],
+) -> Option<NotUsed> {
     let (mut new, mut own) = (*config, *settings);
-    for (name, value) in read(kind(config), record, Table::Engine(config)) {
-        if !own.set_own::<false>(name, value) {
-            // Its name and its range have been checked.
-            let _ = new.change_parameter(name, value);
+    let mut not_used = None;
+    for (name, number) in read(kind(config), record, Table::Engine(config)) {
+        if own.set_own::<false>(name, number) {
+            continue;
+        }
+        let before = new;
+        // Its name and its range have been checked.
+        if new.change_parameter(name, number) && jetlink::config::validate(&[new]).is_err() {
+            new = before;
+            not_used = Some(NotUsed { name, number });
         }
     }
-    if jetlink::config::validate(&[new]).is_ok() {
-        *config = new;
+    *config = new;
+    if own.low >= own.high {
+        (own.low, own.high) = (settings.low, settings.high);
     }
-    if own.low < own.high {
-        *settings = own;
-    }
+    *settings = own;
+    not_used
 }

@@ -58,7 +58,7 @@ pub fn fingerprint(defaults: &Defaults<'_>) -> u32 {
     let mut engines = node;
     for engine in 0..defaults.engines.len() {
         if let Some((config, own)) = defaults.of_engine(engine) {
-            engines = engines.bytes(&of_engine(config, own, None));
+            engines = engines.bytes(&of_engine(config, own, None, None));
         }
         if !rows.is_empty() {
             engines = engines.bytes(&of_attached(rows, &|name| number(engine, name)));
@@ -181,8 +181,8 @@ mod tests {
         let (node, config, settings) = changed(output);
         let records = [
             (0, of_node(&node, Some(&NodeSettings::DEFAULT), &[], &[])),
-            (1, of_engine(&ENGINES[0], own, Some((&ENGINES[0], own)))),
-            (2, of_engine(&config, &settings, Some((&ENGINES[1], own)))),
+            (1, of_engine(&ENGINES[0], own, None, Some((&ENGINES[0], own)))),
+            (2, of_engine(&config, &settings, None, Some((&ENGINES[1], own)))),
         ];
         // Only settings that differ, after the kind.
         assert_eq!(records.each_ref().map(|(_, record)| record.len()), [1 + 2 * 6, 1, 1 + 3 * 6]);
@@ -199,7 +199,7 @@ mod tests {
         let (mut node, mut config, mut own) = (NodeSettings::DEFAULT, ENGINES[1], EngineSettings::DEFAULT);
         let mut each = |key, record: &[u8]| match key {
             0 => apply_to_node(&mut node, &mut [], record),
-            2 => apply_to_engine(&mut config, &mut own, record),
+            2 => assert_eq!(apply_to_engine(&mut config, &mut own, record), None),
             _ => panic!("the first engine has no changes"),
         };
         memory.load(fingerprint(&defaults(engines)), &mut each).then_some((node, config, own))
@@ -226,7 +226,7 @@ mod tests {
         assert_eq!((found(&just, &ENGINES), found(&less, &ENGINES)), (Some(changed(9)), None));
         let memory = SettingsMemory::<64>::new();
         store(&memory, 9);
-        let whole = of_engine(&ENGINES[0], &EngineSettings::DEFAULT, None);
+        let whole = of_engine(&ENGINES[0], &EngineSettings::DEFAULT, None, None);
         assert!(!memory.store(fingerprint(&defaults(&ENGINES)), [(1, whole)].into_iter()));
         assert_eq!(found(&memory, &ENGINES), None, "the earlier ones no longer apply");
     }

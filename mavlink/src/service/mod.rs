@@ -21,6 +21,7 @@ use crate::frame::Address;
 use crate::ids::Severity;
 use crate::kind::Kind;
 use crate::port::{Class, Port, PortConfig, PortCounters};
+use crate::record::NotUsed;
 use crate::refusal::Refusal;
 use crate::report::Fleet;
 use crate::request::RateRequest;
@@ -91,6 +92,8 @@ pub struct Service<'a, const N: usize, const P: usize, A: Attached = Nothing> {
     image: &'a [Wiring],
     /// The engine that cannot be wired as it is stored.
     contradiction: Option<WiringError>,
+    /// Of each engine, a stored setting that is not used.
+    not_used: [Option<NotUsed>; N],
     /// As they were at the start: a change takes effect at the next one.
     base: u8,
     autopilot_port: Option<usize>,
@@ -214,6 +217,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             wiring: Vec::new(),
             image: &[],
             contradiction: None,
+            not_used: [None; N],
             base: settings.identity.base,
             autopilot_port: usize::from(settings.identity.autopilot_port).checked_sub(1),
             texts: engines.iter().map(|_| Limiter::new(now)).collect(),

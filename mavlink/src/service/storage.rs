@@ -5,7 +5,7 @@ use crate::attached::Attached;
 use crate::frame::Address;
 use crate::ids::Severity;
 use crate::kind::Kind;
-use crate::record::{self, Record};
+use crate::record::{self, NotUsed, Record};
 use crate::refusal::Refusal;
 use crate::retained_settings::{Defaults, fit};
 use crate::settings::{LEARNT, Name, Parameter, Table, find_row};
@@ -60,6 +60,21 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             let what = format_args!("wiring as in the image, not as stored: {error}");
             self.say(now, Place::Engine(error.row), Severity::Error, None, what);
         }
+        for engine in 0..self.engines.len() {
+            let Some(name) = self.not_used(engine).map(|not_used| Verbatim(not_used.name)) else { continue };
+            let what = format_args!("{name} as in the image, not as stored: it does not fit the line");
+            self.say(now, Place::Engine(engine), Severity::Error, None, what);
+        }
+    }
+
+    /// The stored setting of an engine that is not used.
+    fn not_used(&self, engine: usize) -> Option<NotUsed> {
+        self.not_used.get(engine).copied().flatten()
+    }
+
+    /// Reports a setting of an engine, from 0, that does not fit its line. It stays stored until the parameter is set.
+    pub fn set_not_used(&mut self, engine: usize, setting: Option<NotUsed>) {
+        self.not_used.get_mut(engine).into_iter().for_each(|not_used| *not_used = setting);
     }
 
     /// Offers the wiring of engines as parameters of the node, which the code that builds the service stores and uses at its next start. `wiring` is
@@ -201,7 +216,12 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         };
         if let Some(of) = self.engines.get(engine) {
             let default = defaults.and_then(|defaults| defaults.of_engine(engine));
-            return Some((u8::try_from(place).ok()?, record::of_engine(&of.config, &of.settings, default)));
+            // A value that was set takes its place, once that is stored.
+            let not_used = self.not_used(engine).filter(|NotUsed { name, .. }| {
+                !self.pending.iter().any(|pending| self.is_of(pending, Place::Engine(engine), name))
+            });
+            let record = record::of_engine(&of.config, &of.settings, not_used, default);
+            return Some((u8::try_from(place).ok()?, record));
         }
         #[cfg(feature = "signing")]
         if place == self.places_of_settings() {
@@ -215,6 +235,12 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             |name: &str| attached.number(engine, name).filter(|value| default(name) != Some(*value));
         let record = record::of_attached(attached.rows(), &changed);
         Some((record::attached_key(engine)?, record))
+    }
+
+    /// Whether this change is of the parameter of this name.
+    fn is_of(&self, pending: &Pending, place: Place, name: &str) -> bool {
+        pending.place == place
+            && self.parameter(place, pending.index).is_some_and(|parameter| parameter.row.name == name)
     }
 
     /// Whether this parameter is one of the attached devices.
@@ -283,6 +309,11 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         let name = parameter.name();
         match result {
             Ok(()) => {
+                if let Some(engine) = place.engine()
+                    && self.not_used(engine).is_some_and(|not_used| not_used.name == parameter.row.name)
+                {
+                    self.set_not_used(engine, None);
+                }
                 self.counters.parameters_set = self.counters.parameters_set.wrapping_add(1);
                 if self.storage == ParameterStorage::Lost {
                     let what = format_args!("{name} is not stored: it is lost with the power");

@@ -517,10 +517,10 @@ fn settings_go_into_a_record_and_come_back() {
                 }
             }
         }
-        let record = record::of_engine(&config, &settings, None);
+        let record = record::of_engine(&config, &settings, None, None);
         assert_eq!(record.len(), 1 + 6 * rows(&default).len(), "all fit");
         let (mut found, mut own) = (default, EngineSettings::DEFAULT);
-        record::apply_to_engine(&mut found, &mut own, &record);
+        assert_eq!(record::apply_to_engine(&mut found, &mut own, &record), None);
         assert_eq!((found, own), (config, settings));
         assert_ne!((found, own), (default, EngineSettings::DEFAULT));
         // No two names have the same digest.
@@ -531,12 +531,12 @@ fn settings_go_into_a_record_and_come_back() {
         assert_eq!(hashes.len(), rows.len());
     }
     // A record of another ECU, a torn one, or one with values that are out of range changes nothing.
-    let of_zk = record::of_engine(&zk, &EngineSettings { output: 9, ..EngineSettings::DEFAULT }, None);
-    let mut out_of_range = record::of_engine(&amt, &EngineSettings::DEFAULT, None);
+    let of_zk = record::of_engine(&zk, &EngineSettings { output: 9, ..EngineSettings::DEFAULT }, None, None);
+    let mut out_of_range = record::of_engine(&amt, &EngineSettings::DEFAULT, None, None);
     out_of_range.chunks_mut(6).for_each(|entry| entry.iter_mut().skip(3).for_each(|byte| *byte = 0x7F));
     for record in [&of_zk[..], &[], &[1, 2, 3], &out_of_range] {
         let (mut found, mut own) = (amt, EngineSettings::DEFAULT);
-        record::apply_to_engine(&mut found, &mut own, record);
+        assert_eq!(record::apply_to_engine(&mut found, &mut own, record), None);
         assert_eq!((found, own), (amt, EngineSettings::DEFAULT));
     }
     let mut node = NodeSettings::DEFAULT;

@@ -2,10 +2,12 @@
 
 use super::world::*;
 use crate::dialect::*;
-use crate::record;
+use crate::record::{self, NotUsed};
 use crate::service::ParameterStorage;
 use crate::service::parameters::{node_parameters, wiring_parameters};
-use crate::settings::NodeSettings;
+use crate::settings::{EngineSettings, NodeSettings};
+use crate::store::NotSaved;
+use embassy_time::Instant;
 use jetlink::config::EngineConfig;
 use jetlink::ecu::amt::codec::EngineModel;
 use jetlink::ecu::zk::codec::Rate;
@@ -184,8 +186,6 @@ const OTHER: EngineConfig = EngineConfig::zk("other", 5, Line::new(57_600), Rate
 
 #[test]
 fn wiring_is_stored_with_the_node_and_is_as_before_if_it_cannot_be() {
-    use crate::store::NotSaved;
-    use embassy_time::Instant;
     run(async |world| {
         world.ready().await;
         {
@@ -250,5 +250,73 @@ fn wiring_that_contradicts_itself_is_said_on_every_port_and_engines_start_all_th
             matches!(&frame.message(), MavMessage::STATUSTEXT(text) if text.text.to_str().unwrap().contains("wiring"))
         });
         assert!(!said, "without a contradiction nothing is said");
+    });
+}
+
+#[test]
+fn a_stored_setting_that_does_not_fit_the_line_costs_no_other_one() {
+    let image = EngineConfig::amt("left", 0, Line::new(9600), None);
+    let (mut set, own) = (image, EngineSettings { relight: true, ..EngineSettings::DEFAULT });
+    for (name, number) in [("LIM_EGT", 7000), ("RISE", 300), ("LINK_LOST", 2000), ("AMT_GUARD", 15_000)] {
+        assert_eq!(set.set(name, number), Ok(()), "{name}");
+    }
+    let record = record::of_engine(&set, &own, None, None);
+    for baud in [9600, 2400] {
+        let (mut found, mut found_own) = (image, EngineSettings::DEFAULT);
+        found.line = Line::new(baud);
+        let not_used = record::apply_to_engine(&mut found, &mut found_own, &record);
+        let guard = if baud == 9600 { 15_000 } else { 500 };
+        for (name, number) in [("LIM_EGT", 7000), ("RISE", 300), ("LINK_LOST", 2000), ("AMT_GUARD", guard)] {
+            assert_eq!(found.number(name), Some(number), "{name} at {baud}");
+        }
+        assert_eq!(found_own, own);
+        assert_eq!(not_used, (baud == 2400).then_some(GUARD));
+    }
+}
+
+const GUARD: NotUsed = NotUsed { name: "AMT_GUARD", number: 15_000 };
+
+#[test]
+fn a_stored_setting_that_does_not_fit_the_line_is_reported_and_stays_stored_until_it_is_set() {
+    let said = |world: &World<'_>, at: usize| {
+        let frames = world.frames.borrow();
+        let texts = frames.iter().skip(at).filter_map(|(_, port, frame)| match &frame.message() {
+            MavMessage::STATUSTEXT(text) => {
+                Some((*port, frame.from.component, text.text.to_str().unwrap().to_string()))
+            }
+            _ => None,
+        });
+        let texts = texts.filter(|(.., text)| text.starts_with("left: AMT_GUARD as in the image"));
+        let ports: Vec<_> = texts.map(|(port, component, _)| (port, component)).collect();
+        let count = |port| ports.iter().filter(|it| **it == (port, ENGINE[0])).count();
+        assert_eq!(ports.len(), count(TO_AUTOPILOT) + count(TO_GROUND));
+        (count(TO_AUTOPILOT), count(TO_GROUND))
+    };
+    run(async |world| {
+        world.ready().await;
+        world.service.borrow_mut().set_parameter_storage(ParameterStorage::Stored);
+        let at = world.frames.borrow().len();
+        world.pass_s(21.0).await;
+        assert_eq!(said(world, at), (0, 0), "the control");
+        world.service.borrow_mut().set_not_used(0, Some(GUARD));
+        // What is saved, with the result of that.
+        let set = async |name: &str, value: f32, result| {
+            assert_eq!(world.set(ENGINE[0], name, value).await.0, None);
+            let (_, record) = world.service.borrow_mut().next_save().unwrap();
+            world.service.borrow_mut().saved(Instant::now(), result);
+            let (mut config, mut own) =
+                (EngineConfig::amt("left", 0, Line::new(9600), None), EngineSettings::DEFAULT);
+            assert_eq!(record::apply_to_engine(&mut config, &mut own, &record), None);
+            let at = world.frames.borrow().len();
+            world.pass_s(21.0).await;
+            let number = |name| config.number(name).unwrap();
+            (number("LIM_EGT"), number("AMT_GUARD"), said(world, at))
+        };
+        let twice = (2, 2);
+        assert_eq!(set("LIM_EGT", 7000.0, Ok(())).await, (7000, 15_000, twice), "another setting");
+        assert_eq!(set("AMT_GUARD", 600.0, Err(NotSaved::Full)).await, (7000, 600, twice), "in vain");
+        assert_eq!(set("LIM_EGT", 7100.0, Ok(())).await, (7100, 15_000, twice), "it is still stored");
+        assert_eq!(set("AMT_GUARD", 600.0, Ok(())).await, (7100, 600, (0, 0)));
+        assert_eq!(set("LIM_EGT", 7200.0, Ok(())).await, (7200, 600, (0, 0)));
     });
 }
