@@ -6,6 +6,7 @@
 )]
 
 use crate::attached::{self, ANY, Choice, Chosen, With};
+use crate::board::engines::IDENTITY;
 use crate::board::settings::{BYTES, SETTINGS};
 use crate::board::{self, EcuPort, Storage};
 use crate::radio::Radio;
@@ -77,6 +78,8 @@ static AT_REST: AtRest = AtRest::new();
 /// The settings that the node starts with, and where they are stored.
 pub struct Settings {
     node: NodeSettings,
+    /// Ids and rate of the telemetry port in force: as stored, or in flight as before the reset.
+    identity: Identity,
     /// Of each engine, with what is stored.
     pub engines: [EngineConfig; N],
     own: [EngineSettings; N],
@@ -105,6 +108,7 @@ impl Settings {
     pub fn new() -> Self {
         Self {
             node: NODE,
+            identity: NODE.identity,
             engines: ENGINES,
             own: MAVLINK_ENGINES,
             not_used: [None; N],
@@ -122,7 +126,7 @@ impl Settings {
 
     /// Line of the telemetry port.
     pub const fn telemetry(&self) -> Line {
-        Line { baud: self.node.identity.telemetry_baud.get(), ..TELEMETRY }
+        Line { baud: self.identity.telemetry_baud.get(), ..TELEMETRY }
     }
 
     /// Wires the engines, before anything is known of their other settings.
@@ -148,6 +152,17 @@ impl Settings {
         let places = (self.engines.get_mut(engine), self.own.get_mut(engine), self.not_used.get_mut(engine));
         if let (Some(config), Some(own), Some(not_used)) = places {
             *not_used = apply_to_engine(config, own, record);
+        }
+    }
+
+    /// Decides which ids are in force, and has them survive a reset.
+    fn identify(&mut self) {
+        let stored = self.node.identity;
+        self.identity = Identity::at_start(stored, IDENTITY.get(), self.in_flight.is_some());
+        let in_force = self.identity.packed();
+        IDENTITY.set(in_force);
+        if in_force != stored.packed() {
+            defmt::warn!("MAVLink: ids and TELEM_BAUD stay as before the reset, in flight");
         }
     }
 }
@@ -198,6 +213,7 @@ pub fn load(settings: &mut Settings) {
             );
         }
     }
+    settings.identify();
     settings.store = store;
     settings.found = found;
 }
@@ -222,7 +238,8 @@ pub fn build(node: &'static Node<N>, settings: &mut Settings, radio: Option<&'st
     let signing = SigningState::NONE;
     let line = settings.telemetry();
     let store = settings.store.take();
-    let Settings { node: of_node, engines, own, not_used, wiring, contradiction, attached, .. } = settings;
+    let Settings { node: of_node, identity, engines, own, not_used, wiring, contradiction, attached, .. } =
+        settings;
     let (found, retained) = (settings.found, settings.retained);
     let owners = node.owners().into_iter();
     let engines = owners.zip(engines).zip(own).map(|((owner, config), settings)| EngineParts {
@@ -242,6 +259,7 @@ pub fn build(node: &'static Node<N>, settings: &mut Settings, radio: Option<&'st
         } else {
             ParameterStorage::Lost
         });
+        service.set_identity(now, *identity);
         not_used.iter().enumerate().for_each(|(engine, setting)| service.set_not_used(engine, *setting));
         service.set_room(&DEFAULTS);
         service.set_damaged(found == Found::Damaged);
@@ -303,6 +321,8 @@ pub async fn serve(mavlink: Mavlink, port: EcuPort) {
         mavlink.node.set_settings_damaged(service.has_to_be_confirmed());
         if service.system_id() != system {
             system = service.system_id();
+            // Learnt: from now on in force.
+            IDENTITY.set(service.identity().packed());
             if let Some(system) = system {
                 defmt::info!("MAVLink: the vehicle is system {=u8}", system);
             }

@@ -10,6 +10,7 @@
 //! | [`signing`], `retained`, `cover` | only senders with the key may command; how the key survives a reset and a loss of power |
 //! | [`store`], [`record`], [`fram`], [`retained_settings`] | stored settings; an F-RAM that stores them; RAM that retains them
 //! over a reset |
+//! | `identity` | ids over a reset in flight |
 //! | [`settings`], [`services`], [`refusal`] | parameters; the table of services; why something was refused |
 //! | `vehicle`, `servo`, `request` | our autopilot, its arming, its outputs, and the requested rate |
 //! | `kind` | effect of a message: it stops, reads or acts |
@@ -36,6 +37,7 @@ mod extras;
 mod fields;
 pub mod fram;
 pub mod frame;
+mod identity;
 pub mod ids;
 mod kind;
 mod number;

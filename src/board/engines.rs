@@ -26,3 +26,8 @@ pub static WIRING: [RetainedWord; ENGINES.len()] = [const { RetainedWord::new() 
 // SAFETY: as above.
 #[unsafe(link_section = ".retained.power")]
 pub static POWER: [RetainedWord; ENGINES.len()] = [const { RetainedWord::new() }; ENGINES.len()];
+
+/// Ids of MAVLink and rate of the telemetry port that are in force, as one number ([`jetlink_mavlink::settings::Identity::packed`]).
+// SAFETY: as above.
+#[unsafe(link_section = ".retained.identity")]
+pub static IDENTITY: RetainedWord = RetainedWord::new();

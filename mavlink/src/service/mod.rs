@@ -28,7 +28,7 @@ use crate::request::RateRequest;
 use crate::retained_settings::Defaults;
 use crate::sent::{Payload, Sent};
 use crate::servo::FrameClock;
-use crate::settings::{EngineSettings, NodeSettings};
+use crate::settings::{EngineSettings, Identity, NodeSettings};
 use crate::signing::{Signing, SigningCounters, SigningState};
 use crate::text::{Limiter, pieces, text};
 use crate::vehicle::Vehicle;
@@ -94,8 +94,10 @@ pub struct Service<'a, const N: usize, const P: usize, A: Attached = Nothing> {
     contradiction: Option<WiringError>,
     /// Of each engine, a stored setting that is not used.
     not_used: [Option<NotUsed>; N],
-    /// As they were at the start: a change takes effect at the next one.
-    base: u8,
+    /// As it was at the start: a change takes effect at the next one.
+    identity: Identity,
+    /// It is from before a reset in flight, and not as the settings have it.
+    identity_stays: bool,
     autopilot_port: Option<usize>,
     engines: Vec<Engine<'a>, N>,
     ports: Vec<Port<N>, P>,
@@ -218,16 +220,16 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             image: &[],
             contradiction: None,
             not_used: [None; N],
-            base: settings.identity.base,
-            autopilot_port: usize::from(settings.identity.autopilot_port).checked_sub(1),
+            identity: settings.identity,
+            identity_stays: false,
+            autopilot_port: port_of_autopilot(&settings.identity),
             texts: engines.iter().map(|_| Limiter::new(now)).collect(),
             ports: ports.into_iter().take(P).map(|config| Port::new(now, config, count)).collect(),
             engines,
             signing: Signing::new(now, signing),
             #[cfg(feature = "signing")]
             cover: Cover::new(now),
-            vehicle: Vehicle::new(settings.identity.system, settings.identity.learnt)
-                .showing_by(now + LISTEN),
+            vehicle: vehicle(now, &settings.identity),
             request: RateRequest::new(now),
             clocks: [FrameClock::default(); 2],
             received: Vec::new(),
@@ -255,6 +257,20 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             #[cfg(test)]
             handled: std::vec::Vec::new(),
         }
+    }
+
+    /// Sets ids that are not those of the settings ([`Identity::at_start`]). Call it before anything is received.
+    pub fn set_identity(&mut self, now: Instant, identity: Identity) {
+        self.identity_stays = identity.packed() != self.settings.identity.packed();
+        self.identity = identity;
+        self.autopilot_port = port_of_autopilot(&identity);
+        self.vehicle = vehicle(now, &identity);
+    }
+
+    /// The ids in force, also one that has been learnt since: what a reset in flight must not change.
+    pub fn identity(&self) -> Identity {
+        let learnt = self.vehicle.id().filter(|_| self.identity.system == 0);
+        Identity { learnt: learnt.unwrap_or(self.identity.learnt), ..self.identity }
     }
 
     /// Opens a port for a new peer, or closes it: until it is opened again, nothing is sent or obeyed there. Ports are open at first.
@@ -363,12 +379,12 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
 
     fn component(&self, place: Place) -> u8 {
         let offset = place.engine().map_or(0, |engine| engine + 1);
-        u8::try_from(offset).unwrap_or(u8::MAX).saturating_add(self.base)
+        u8::try_from(offset).unwrap_or(u8::MAX).saturating_add(self.identity.base)
     }
 
     /// The component with this id.
     fn place(&self, component: u8) -> Option<Place> {
-        match component.checked_sub(self.base)? {
+        match component.checked_sub(self.identity.base)? {
             0 => Some(Place::Node),
             engine => {
                 let engine = usize::from(engine) - 1;
@@ -515,4 +531,14 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         self.engines.iter().for_each(|engine| fleet.count(&engine.telemetry()));
         fleet
     }
+}
+
+/// Place of the autopilot's port.
+fn port_of_autopilot(identity: &Identity) -> Option<usize> {
+    usize::from(identity.autopilot_port).checked_sub(1)
+}
+
+/// The vehicle at a start.
+fn vehicle(now: Instant, identity: &Identity) -> Vehicle {
+    Vehicle::new(identity.system, identity.learnt).showing_by(now + LISTEN)
 }

@@ -60,6 +60,12 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             let what = format_args!("wiring as in the image, not as stored: {error}");
             self.say(now, Place::Engine(error.row), Severity::Error, None, what);
         }
+        if self.identity_stays {
+            let text = Verbatim(
+                "ids and TELEM_BAUD stay as before the reset until a start with all engines at rest",
+            );
+            self.say(now, Place::Node, Severity::Notice, None, format_args!("{text}"));
+        }
         for engine in 0..self.engines.len() {
             let Some(name) = self.not_used(engine).map(|not_used| Verbatim(not_used.name)) else { continue };
             let what = format_args!("{name} as in the image, not as stored: it does not fit the line");

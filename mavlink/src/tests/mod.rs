@@ -8,6 +8,7 @@ mod covering;
 mod damaged;
 mod extras;
 mod fram;
+mod identity;
 mod mutated;
 mod packets;
 mod parameters;
