@@ -18,6 +18,8 @@ const HEARTBEAT: u64 = 5 * SECOND;
 const KNOWN: u64 = 15 * SECOND;
 /// Time by which a held demand has risen to that of the stream, if the stream has no gaps.
 const RISEN: u64 = 15 * SECOND;
+/// Longest time for which a held demand rises from one frame to the next.
+const LONGEST_STEP: u64 = 100 * MS;
 
 /// What is sent to an engine by MAVLink, and what follows from that alone.
 struct Words<'a> {
@@ -154,6 +156,16 @@ impl<'a> Words<'a> {
         let times = heartbeats.map(|received| received.at).chain([to_us]);
         let mut last = from_us;
         times.into_iter().any(|at| at > core::mem::replace(&mut last, at) + HEARTBEAT + FOUND_LATE)
+    }
+
+    /// Time for which the frames of the stream let a held demand rise: gaps do not count.
+    fn rises_for(&self, from_us: u64, to_us: u64) -> u64 {
+        let frames = self.received(from_us, to_us).iter().filter_map(|received| match received.word {
+            Word::Output { tenths: Some(_), sure: true } => Some(received.at),
+            _ => None,
+        });
+        let mut last = None;
+        frames.map(|at| last.replace(at).map_or(0, |last| (at - last).min(LONGEST_STEP))).sum()
     }
 
     /// What the vehicle has shown at an instant.
@@ -440,7 +452,9 @@ impl Case<'_> {
             }
             frames += 1;
             let now = h.commanded(at, at).iter().rev().find(|it| it.source == MAVLINK);
-            let held = words.may_show(at.saturating_sub(RISEN), at, false) || words.shows(at) != Some(true);
+            let since = at.saturating_sub(RISEN);
+            let rise = words.rises_for(since, at) * u64::from(h.rules.rise) / SECOND;
+            let held = words.may_show(since, at, false) || words.shows(at) != Some(true) || rise < 1000;
             let text = match now.map(|it| it.command) {
                 Some(PilotCommand::Run(Demanded::Throttle(now))) if now.abs_diff(tenths) <= 1 || held => {
                     continue;

@@ -162,3 +162,34 @@ fn a_stop_that_names_another_system_counts_where_the_node_has_no_id() {
     // It need not be obeyed.
     assert!(!breaks_where(ByMavlink { learns: true, ..ByMavlink::default() }, &[elsewhere], &[]));
 }
+
+/// 640000033: a demand that was held at idle while the vehicle was disarmed does not rise in a gap of the stream.
+#[test]
+fn a_demand_follows_the_stream_once_it_had_the_frames_to_rise() {
+    let finds = |dark_from: f64, dark_to: f64| {
+        let mut received = vec![(1.0, ARMED), (2.0, ARMED), (2.9, output(0)), (3.0, START)];
+        let mut commands = vec![(2.0, PilotCommand::Arm), (3.0, PilotCommand::Standby), (3.0, RUN)];
+        for frame in 31..600 {
+            let at = f64::from(frame) / 10.0;
+            if (dark_from..dark_to).contains(&at) {
+                continue;
+            }
+            let step = (frame - 399).clamp(0, 20) as u32;
+            received.push((at, output(if step > 0 { 1000 } else { 0 })));
+            commands.push((at, PilotCommand::Run(Demanded::Throttle(50 * step))));
+        }
+        let story = Story::new(ZK5).wire(0.0, 60.0, Sent::Full(Switch::Run, 0));
+        let story = story.turbine(0.0, 60.0, Phase::Running, 36_000.0, 500.0).with(|h| {
+            let received = received.iter().map(|&(at, word)| Received { at: micros(at), word }).collect();
+            let answers = vec![Answered { at: micros(3.0), accepted: true }];
+            h.mavlink = Some(ByMavlink { has_output: true, received, answers, ..ByMavlink::default() });
+            let commands = commands.iter();
+            h.commanded = commands
+                .map(|&(at, command)| Commanded { at: micros(at), source: MAVLINK, command })
+                .collect();
+        });
+        story.finds(Rule::ByMavlink)
+    };
+    assert!(!finds(10.0, 39.9), "it has not risen yet");
+    assert!(finds(60.0, 60.0) && finds(10.0, 30.0), "it had the frames to rise");
+}
