@@ -544,10 +544,12 @@ pub fn failed_for_sure(other: &crate::history::History) -> Spans {
     }
     for (out, from, until) in events {
         // Standby from a source below one that commands otherwise changes nothing. A speed may be refused, and a source that was
-        // lost has to command for a while first: then no source commands otherwise.
+        // lost has to command for a while first, and so has one of which a node that was reset has not received anything yet: then no
+        // source commands otherwise.
         let commands_for_long = |source, at: u64| {
+            let up = other.resets.iter().rfind(|reset| reset.up <= at).map_or(0, |reset| reset.up);
             let since = command_log.commands_since(source, at);
-            since.is_some_and(|since| at > since + other.rules.recover_after + SECOND)
+            since.is_some_and(|since| at > since.max(up) + other.rules.recover_after + SECOND)
         };
         let stops = |commanded: &&Commanded| match commanded.command {
             PilotCommand::Standby => command_log.in_control(commanded.at).is_none_or(|(source, command)| {

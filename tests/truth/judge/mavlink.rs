@@ -2,8 +2,9 @@
 
 use super::case::{Case, Rule, seconds};
 use crate::history::{
-    Answered, ByMavlink, Cause, Demanded, MS, PilotCommand, Received, SECOND, Spans, Switch, Word,
+    Answered, ByMavlink, Cause, Demanded, MS, PilotCommand, Received, SECOND, Sample, Spans, Switch, Word,
 };
+use sim::turbine::Phase;
 
 const MAVLINK: usize = 2;
 /// Time after a damaged frame for which other frames may be found late.
@@ -511,10 +512,27 @@ impl Case<'_> {
             let standby = wire.iter().filter_map(|frame| frame.sent.switch()).collect::<Vec<_>>();
             let standby = standby.len() > 2 && standby.iter().all(|switch| *switch == Switch::Standby);
             let quiet = h.commanded(since, at.saturating_sub(1)).iter().all(|it| {
-                it.source == MAVLINK && matches!(it.command, PilotCommand::Nothing | PilotCommand::Arm)
+                let stopped =
+                    matches!(it.command, PilotCommand::Nothing | PilotCommand::Arm | PilotCommand::Standby);
+                it.source == MAVLINK && stopped
             });
-            let stops = h.commanded(0, at).iter().any(|it| it.command == PilotCommand::Stop)
-                || h.resets.iter().any(|reset| reset.cause == Cause::BrownOut);
+            // After an emergency stop its release, and then the vehicle has to be shown disarmed.
+            let last = |command: PilotCommand| {
+                h.commanded(0, at).iter().rev().find(|it| it.command == command).map(|it| it.at)
+            };
+            let stops = last(PilotCommand::Stop).is_some_and(|stop| {
+                let released = last(PilotCommand::Release).filter(|released| *released > stop + SECOND);
+                released.is_none_or(|released| {
+                    let disarmed = |(when, armed): &(u64, Option<bool>)| {
+                        *when > released + SECOND && *when < at && *armed == Some(false)
+                    };
+                    !words.shown.iter().any(disarmed)
+                })
+            }) || h.resets.iter().any(|reset| reset.cause == Cause::BrownOut);
+            let cold = |sample: &Sample| {
+                sample.phase == Phase::Standby && !sample.fault && sample.egt < rules.egt_max - 15.0
+            };
+            let cold = h.samples(since, at).iter().all(cold);
             let armed = words.shows(since) == Some(true) && !words.may_show(since, at, false);
             let idle =
                 !words.mavlink.has_output
@@ -528,8 +546,11 @@ impl Case<'_> {
                 .received(at.saturating_sub(4 * SECOND), at)
                 .iter()
                 .any(|received| received.word == Word::Station);
-            let alone = rules.start_wait == 0 && previous.is_none_or(|previous| at > previous + 150 * SECOND);
-            if !(standby && quiet && armed && idle && present && known && alone) || stops || while_disarmed {
+            let alone = rules.start_wait == 0 && previous.is_none_or(|previous| at > previous + 30 * SECOND);
+            if !(standby && cold && quiet && armed && idle && present && known && alone)
+                || stops
+                || while_disarmed
+            {
                 continue;
             }
             had_to_begin += 1;

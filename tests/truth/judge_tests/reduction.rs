@@ -149,7 +149,7 @@ fn a_stick_that_moves_before_a_reduction_ends_does_not_hide_a_jump() {
 /// standby changes nothing. A speed may be refused, and then its source is not in control.
 #[test]
 fn an_engine_has_failed_for_sure_until_a_source_may_have_commanded_standby() {
-    let failed = |demanded: Option<Demanded>, since: f64| {
+    let failed_with = |demanded: Option<Demanded>, since: f64, resets: &[f64]| {
         let story = flight(ZK5, 50.0).turbine(50.0, 80.0, Phase::Stopped, 0.0, 200.0).streams(
             PILOT,
             50.0,
@@ -170,13 +170,20 @@ fn an_engine_has_failed_for_sure_until_a_source_may_have_commanded_standby() {
         history.samples.sort_by_key(|sample| sample.at);
         history.frames.sort_by_key(|frame| frame.at);
         history.end = 80 * SECOND;
+        let reset = |up: &f64| Reset { down: micros(up - 0.01), up: micros(*up), cause: Cause::Watchdog };
+        history.resets = resets.iter().map(reset).collect();
         crate::judge::failed_for_sure(&history)
     };
+    let failed = |demanded, since| failed_with(demanded, since, &[]);
     let below_throttle = failed(Some(Demanded::Throttle(500)), 62.0);
     assert!(below_throttle.contains(60 * SECOND) && below_throttle.contains(75 * SECOND));
     // A source that was lost has to command for a while before it is in control.
     let below_one_that_returns = failed(Some(Demanded::Throttle(500)), 69.5);
     assert!(below_one_that_returns.contains(60 * SECOND) && !below_one_that_returns.contains(75 * SECOND));
+    // 790001270: a node that was just reset has not received it yet.
+    let in_a_loop: Vec<f64> = (140..160).map(|half| f64::from(half) / 2.0).collect();
+    let below_throttle = failed_with(Some(Demanded::Throttle(500)), 62.0, &in_a_loop);
+    assert!(below_throttle.contains(60 * SECOND) && !below_throttle.contains(75 * SECOND));
     let below_speed = failed(Some(Demanded::Rpm(100_000)), 62.0);
     assert!(below_speed.contains(60 * SECOND) && !below_speed.contains(75 * SECOND));
     let alone = failed(None, 65.0);
