@@ -78,8 +78,10 @@ impl Case<'_> {
         let rules = &self.h.rules;
         let long = rules.recover_after + rules.takeover + SECOND;
         let commands = |higher| {
-            let nothing = self.command_log.until(higher, at).iter().rev().take(40);
-            let nothing = nothing.clone().any(|(_, command)| *command == PilotCommand::Nothing);
+            // Before it commands again it has to command for a while.
+            let lately = self.command_log.until(higher, at).iter().rev();
+            let mut lately = lately.take_while(|(when, _)| when + long > at);
+            let nothing = lately.any(|(_, command)| *command == PilotCommand::Nothing);
             // A single order to shut down is not a stream.
             let streamed = self.command_log.until(higher, at).iter().rev();
             let streamed = streamed.clone().find(|(_, command)| *command != PilotCommand::ShutDown);

@@ -265,8 +265,11 @@ impl Case<'_> {
             let lately = throttles(reset.down.saturating_sub(SECOND), reset.down);
             let Some(held) = lately.map(|(_, tenths)| tenths).min() else { continue };
             let fell = throttles(since, reset.down).any(|(_, tenths)| tenths > held + 50);
+            let source = self.command_log.run_in_control(until).map(|(source, _)| source);
+            let fresh = source.and_then(|source| self.command_log.commands_since(source, until));
+            let fresh = fresh.is_some_and(|from| from <= since);
             let flies = self.known_to_run(reset.down) && h.samples(since, until).iter().all(Sample::runs);
-            if !seen || !same || !flies || fell {
+            if !seen || !same || !fresh || !flies || fell {
                 continue;
             }
             self.verdict.count("governed engines over a reset", 1);
