@@ -107,7 +107,7 @@ fn stick_and_switch_fly_two_turbines_and_a_lost_receiver_is_silence_and_no_jump(
                 })
                 .until(43 * SECOND)
                 .go();
-            outputs::stop_closes_the_valves_within_10_ms(&report, STOP);
+            outputs::stop_closes_the_valves_within_10_ms(&report, which.0, STOP);
             let which = format!("{}, {:?}", board.name, which.0);
             for (name, orders) in ["left", "booster"].into_iter().zip(orders(&report)) {
                 let orders_in = |from, to| orders.iter().filter(move |(at, _)| (from..to).contains(at));
