@@ -231,6 +231,11 @@ impl<'a> Case<'a> {
         gap(self.h)
     }
 
+    /// A silence of the node after which an AMT ECU's order is certainly still in force.
+    pub const fn order_outlasts(&self) -> u64 {
+        self.h.rules.serial_delay.saturating_sub(500 * MS)
+    }
+
     pub fn two_states(&self) -> u64 {
         two_states(self.h)
     }

@@ -88,6 +88,16 @@ impl CommandLog {
         gaps[..gaps.partition_point(|after| *after <= at)].last().copied()
     }
 
+    /// Whether a source has commanded without such a gap since then.
+    pub fn commands_throughout(&self, source: usize, since: u64, at: u64) -> bool {
+        self.commands_since(source, at).is_some_and(|from| from <= since)
+    }
+
+    /// Whether the source in control commands run, and has commanded without a gap since then.
+    pub fn runs_throughout(&self, since: u64, at: u64) -> bool {
+        self.run_in_control(at).is_some_and(|(source, _)| self.commands_throughout(source, since, at))
+    }
+
     /// The highest source that is fresh and commands, and its command.
     pub fn in_control(&self, at: u64) -> Option<(usize, PilotCommand)> {
         (0..4).find_map(|source| {

@@ -78,8 +78,7 @@ impl Case<'_> {
     /// reset; but not until the order was given up.
     fn doubted(&self, when: u64, at: u64) -> bool {
         let h = self.h;
-        let most =
-            if self.traits().serial_delay { h.rules.serial_delay.saturating_sub(500 * MS) } else { u64::MAX };
+        let most = if self.traits().serial_delay { self.order_outlasts() } else { u64::MAX };
         let gap = self.blind.iter().any(|(from, to)| {
             to > when && to <= at && (self.gap()..most).contains(&(to - from)) && at - when < most
         });
@@ -139,9 +138,8 @@ impl Case<'_> {
         let rises_in = |rate: u32, time: u64| f64::from(rate) * time as f64 / SECOND as f64;
         let slack = |rate: u32| rises_in(rate, rules.period + 20 * MS) + STEP;
         for frame in &h.frames {
-            let forgot = forgets.next_if(|up| *up <= frame.at).is_some();
-            while forgets.next_if(|up| *up <= frame.at).is_some() {}
-            if forgot {
+            let forgot = std::iter::from_fn(|| forgets.next_if(|up| *up <= frame.at));
+            if forgot.last().is_some() {
                 let higher = |(_, low): &(Demanded, f64)| before.is_none_or(|(.., before)| *low > before);
                 if let Some((demanded, low)) = obeyed.filter(higher) {
                     before = Some((frame.at - rules.period, demanded, low));

@@ -136,14 +136,13 @@ impl Case<'_> {
     /// The end of the time for which a demand that a limit has lowered stays low: until standby is commanded, also across resets.
     fn stays_at_fail_safe(&mut self, passed: u64, at: u64, out: u64, text: &str) -> u64 {
         let h = self.h;
-        let rules = h.rules;
         let ends =
             |command| matches!(command, PilotCommand::Standby | PilotCommand::ShutDown | PilotCommand::Stop);
         let ended =
             h.commanded(passed.saturating_sub(2 * SECOND), out).iter().find(|other| ends(other.command));
         let lost = h.resets.iter().find(|reset| reset.up > at && reset.cause != Cause::Watchdog);
         // It does not outlast the order, which is given up when no set was answered in that time.
-        let long = rules.serial_delay.saturating_sub(500 * MS);
+        let long = self.order_outlasts();
         let pairs = h.frames_within(passed, out).windows(2);
         let gone = pairs.map(|pair| (pair[0].at, pair[1].at)).find(|(from, to)| to - from > long);
         let until = ended.map_or(out, |ended| ended.at).min(lost.map_or(out, |lost| lost.down));
@@ -246,7 +245,7 @@ impl Case<'_> {
         // Never slower than a loss.
         let fall = 1000 * SECOND / u64::from(rules.ramp.max(1));
         // An order that was given up leaves the engine at the demand that its ECU has. It falls from there.
-        let long = rules.serial_delay.saturating_sub(500 * MS);
+        let long = self.order_outlasts();
         let found = h.frames.windows(2).filter(|pair| pair[1].at - pair[0].at > long);
         let found: Vec<(u64, u64)> = found.map(|pair| (pair[1].at, pair[1].at + fall + SECOND)).collect();
         let found = if self.traits().serial_delay { Spans::from(&found) } else { Spans::default() };

@@ -250,6 +250,6 @@ impl Case<'_> {
             &commands[commands.partition_point(|(when, _)| when + self.command_log.age(source) < since)..];
         commands.first().is_some_and(|(when, _)| *when <= since)
             && commands.iter().all(|(_, command)| *command == PilotCommand::Standby)
-            && self.command_log.commands_since(source, at).is_some_and(|from| from <= since)
+            && self.command_log.commands_throughout(source, since, at)
     }
 }

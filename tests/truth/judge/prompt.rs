@@ -92,7 +92,7 @@ impl Case<'_> {
     /// belongs to another start.
     fn rises_when_confirmed(&mut self) {
         let h = self.h;
-        let long = h.rules.serial_delay.saturating_sub(500 * MS);
+        let long = self.order_outlasts();
         let gaps = self.blind.iter().filter(|(from, to)| (self.gap()..long).contains(&(to - from)));
         let gaps: Vec<(u64, u64)> = gaps.collect();
         for (from, to) in gaps {
@@ -172,9 +172,7 @@ impl Case<'_> {
         let hidden = self.blind.union(&h.noise).union(&self.down).union(&h.deaf);
         let steady = |at: u64| {
             let since = at.saturating_sub(8 * SECOND);
-            let source = self.command_log.run_in_control(at).map(|(source, _)| source);
-            let fresh = source.and_then(|source| self.command_log.commands_since(source, at));
-            self.governed(at) && fresh.is_some_and(|from| from <= since) && !hidden.touches(since, at)
+            self.governed(at) && self.command_log.runs_throughout(since, at) && !hidden.touches(since, at)
         };
         let throttle = |sent: Sent| match sent {
             Sent::Full(Switch::Run, tenths) => Some(f64::from(tenths)),
@@ -265,9 +263,7 @@ impl Case<'_> {
             let lately = throttles(reset.down.saturating_sub(SECOND), reset.down);
             let Some(held) = lately.map(|(_, tenths)| tenths).min() else { continue };
             let fell = throttles(since, reset.down).any(|(_, tenths)| tenths > held + 50);
-            let source = self.command_log.run_in_control(until).map(|(source, _)| source);
-            let fresh = source.and_then(|source| self.command_log.commands_since(source, until));
-            let fresh = fresh.is_some_and(|from| from <= since);
+            let fresh = self.command_log.runs_throughout(since, until);
             let flies = self.known_to_run(reset.down) && h.samples(since, until).iter().all(Sample::runs);
             if !seen || !same || !fresh || !flies || fell {
                 continue;

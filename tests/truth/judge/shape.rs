@@ -81,8 +81,7 @@ impl Case<'_> {
                 let throttle = matches!(commanded.command, PilotCommand::Run(Demanded::Throttle(_)));
                 Some(commanded.source) == first && (throttle || commanded.command == PilotCommand::Arm)
             });
-            let fresh =
-                |source| self.command_log.commands_since(source, at).is_some_and(|from| from <= since);
+            let fresh = |source| self.command_log.commands_throughout(source, since, at);
             if alone
                 && first.is_some_and(fresh)
                 && self.known_to_run(since)

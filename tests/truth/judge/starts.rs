@@ -372,7 +372,6 @@ impl Case<'_> {
                     && since.iter().all(|sample| {
                         sample.egt > h.rules.burning - BURNS
                             || sample.at < counts
-                            || h.sensor.contains(sample.at)
                             || !self.trusts_exhaust(sample.at)
                     })
                     // Nor does a node that is reset again too soon see the exhaust temperature fall.
@@ -560,11 +559,7 @@ impl Case<'_> {
         let broke = h.sensor.iter().map(|(from, _)| from).filter(|from| (out..at).contains(from)).min();
         let whole = broke.unwrap_or(at);
         let samples = h.samples(out, whole);
-        let seen = |sample: &&Sample| {
-            sample.egt < h.rules.burning - BURNS
-                && !h.sensor.contains(sample.at)
-                && self.trusts_exhaust(sample.at)
-        };
+        let seen = |sample: &&Sample| sample.egt < h.rules.burning - BURNS && self.trusts_exhaust(sample.at);
         let cold = samples.iter().find(seen).map_or(at, |cold| cold.at + LOWERED);
         if let Some(lowered) = self.last_lowered(out.saturating_sub(LOWERED), at) {
             return cold.max(lowered + LOWERED);
@@ -578,12 +573,12 @@ impl Case<'_> {
         self.fallen(out.max(up), whole.max(out.max(up))).map_or(cold, |fallen| fallen.min(cold))
     }
 
-    /// Behind a thermocouple that failed, a cold exhaust counts after a hot one only.
+    /// Whether a cold exhaust counts: it is measured, and behind a thermocouple that failed it was hot before.
     fn trusts_exhaust(&self, at: u64) -> bool {
         let h = self.h;
         let over = h.sensor.iter().map(|(_, over)| over).take_while(|over| *over <= at).last();
         let hot = |sample: &Sample| sample.egt > h.rules.burning + BURNS;
-        over.is_none_or(|over| h.samples(over, at).iter().any(hot))
+        !h.sensor.contains(at) && over.is_none_or(|over| h.samples(over, at).iter().any(hot))
     }
 
     /// When the exhaust has fallen fast enough, and for long enough, to show it.
