@@ -16,6 +16,7 @@ pub enum Demand {
 
 impl Demand {
     /// Whether it is less than another of its kind. The two kinds do not compare.
+    #[inline(never)]
     pub(crate) fn is_below(self, other: Self) -> bool {
         match (self, other) {
             (Self::Throttle(a), Self::Throttle(b)) => a < b,

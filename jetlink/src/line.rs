@@ -53,6 +53,7 @@ impl Line {
 
     /// Duration of `bytes` bytes sent back to back, rounded up to 1 µs.
     /// A baud rate of 0 counts as 1, so that nothing divides by zero.
+    #[inline(never)]
     pub const fn time_of(self, bytes: u32) -> Duration {
         let bits = bytes as u64 * self.bits_per_byte() as u64;
         let baud = if self.baud == 0 { 1 } else { self.baud as u64 };

@@ -527,6 +527,7 @@ impl Outbox {
 }
 
 /// The earlier of two optional instants.
+#[inline(never)]
 pub fn earlier(a: Option<Instant>, b: Option<Instant>) -> Option<Instant> {
     match (a, b) {
         (Some(a), Some(b)) => Some(a.min(b)),

@@ -1,6 +1,7 @@
 //! Whole numbers in floating-point fields.
 
 /// A whole number that a 32-bit floating-point field carries exactly; `None` for fractions, NaN and larger numbers.
+#[inline(never)]
 pub(crate) fn whole(value: f32) -> Option<i32> {
     // A cast saturates, and NaN becomes 0, which is not equal to it.
     let number = value as i32;

@@ -31,6 +31,7 @@ impl SourceTimeouts {
     }
 
     /// The longest of them.
+    #[inline(never)]
     pub fn longest(&self) -> Duration {
         self.emergency.max(self.rc).max(self.mavlink).max(self.bench)
     }

@@ -11,6 +11,8 @@ use embassy_time::Instant;
 
 /// Largest difference between the reported and the ordered throttle, in 0.1 %.
 const OBEY_BAND: u16 = 100;
+/// A shaft that is faster than an ordered rpm by more than one part in 10 of it does not follow yet.
+const RPM_BAND: u32 = 10;
 
 impl Engine {
     /// Orders the demand after ramps, slew and limits.
@@ -129,8 +131,15 @@ impl Engine {
         switch_obeys && throttle_obeys
     }
 
-    /// Whether a running ECU reports a throttle that is higher than the ordered one.
-    pub(super) fn throttle_is_above(&self, now: Instant) -> bool {
+    /// Whether a running ECU reports more than it is ordered: a higher throttle or, where it controls the speed itself, a faster shaft.
+    pub(super) fn reports_more(&self, now: Instant) -> bool {
+        if let Order::Run(Demand::Rpm(ordered)) = self.ordered.order {
+            let reported = self.link.status().report.rpm.filter(|rpm| rpm.age(now) <= REPORT_MAX_AGE);
+            return self.phase() == Some(Phase::Running)
+                && reported.is_some_and(|rpm| {
+                    rpm.value.get() > ordered.get().saturating_add(ordered.get() / RPM_BAND)
+                });
+        }
         self.throttles(now)
             .is_some_and(|(ordered, reported)| reported.tenths() > ordered.tenths().saturating_add(OBEY_BAND))
     }

@@ -444,7 +444,7 @@ impl Lowered {
         self.open_at
     }
 
-    /// The ECU reports a higher throttle than it was sent: its shaft and its exhaust have yet to fall.
+    /// The ECU reports more than it was ordered: its shaft and its exhaust have yet to fall.
     pub fn not_followed(&mut self, now: Instant) {
         if now < self.at + FOLLOWS_WITHIN {
             self.open_at = now;

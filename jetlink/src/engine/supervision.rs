@@ -162,10 +162,10 @@ impl Engine {
 
     /// Checks the limits, and whether the ECU obeys.
     pub(super) fn look(&mut self, now: Instant) {
-        let above = self.throttle_is_above(now);
+        let more = self.reports_more(now);
         let lowered = match &mut self.mode {
             Mode::Run(run) => {
-                if above {
+                if more {
                     run.lowered.not_followed(now);
                 }
                 run.lowered.open_at()

@@ -1,6 +1,6 @@
 //! The limits: each is violated by two consecutive values, never by one, and reported with value and limit. For both ECUs.
 
-use jetlink::command::{Accepted, Interlock, Order, Origin, Rejected};
+use jetlink::command::{Accepted, Command, Interlock, Order, Origin, Rejected};
 use jetlink::engine::config::Limits;
 use jetlink::event::Event;
 use jetlink::limit::LimitKind;
@@ -10,7 +10,7 @@ use jetlink::units::{Celsius, Millivolts, Rpm, Throttle};
 use crate::support::frames::{amt as amt_frames, zk as zk_frames};
 use crate::support::scenario::{
     BOTH, COMMAND_PERIOD_US, Ecu, FRAME_PERIOD_US, Reports, SECOND, Scenario, TURNING, Values, Wire, percent,
-    run,
+    rpm, run,
 };
 use bench::by_hand::at_us;
 
@@ -316,6 +316,39 @@ fn a_demand_that_the_ecu_follows_late_explains_a_fall_then() {
             }
             assert_eq!(scenario.limits(), limits, "{ecu:?}: after {late} s, follows at once: {follows}");
         }
+    }
+}
+
+/// The same for an rpm, which an ECU controls itself: there, its shaft speed shows it.
+#[test]
+fn zk_an_rpm_that_the_ecu_follows_late_explains_a_fall_then() {
+    for (late, from, to, limits) in [
+        (6, 100_000, 40_000, &[][..]),
+        // It had followed at once.
+        (6, 40_000, 20_000, &[LimitKind::FlameOut]),
+        (14, 100_000, 40_000, &[]),
+        (30, 100_000, 40_000, &[LimitKind::FlameOut]),
+    ] {
+        let config = Ecu::Zk.with(|rules| rules.limits.low_rpm = Limit::NONE);
+        let mut scenario = Scenario::started_with(Ecu::Zk, config, rpm(100_000));
+        let fly = |scenario: &mut Scenario, demand: u32, shaft: u32| {
+            scenario.values.rpm = Some(shaft);
+            let _ = scenario.command(Command::Run(rpm(demand)));
+            scenario.pass_us(FRAME_PERIOD_US);
+        };
+        for _ in 0..200 {
+            fly(&mut scenario, 100_000, 100_000);
+        }
+        assert_eq!(scenario.order(), Order::Run(rpm(100_000)));
+        for _ in 0..late * 20 {
+            fly(&mut scenario, 40_000, from);
+        }
+        assert_eq!(scenario.order(), Order::Run(rpm(40_000)));
+        scenario.bench.events();
+        for i in 1..=30 {
+            fly(&mut scenario, 40_000, from - (from - to) / 30 * i);
+        }
+        assert_eq!(scenario.limits(), limits, "after {late} s, from {from} rpm to {to} rpm");
     }
 }
 

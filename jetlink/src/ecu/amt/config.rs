@@ -67,6 +67,7 @@ impl Config {
 
     /// Time for the first start bit of a reply, counted from the last stop bit of the ECU's frame.
     /// 9.1 ms less the guard at 2400 baud; `None` where a reply does not fit the window at all.
+    #[inline(never)]
     pub const fn reply_slack(&self, line: Line) -> Option<Duration> {
         let needed = line.time_of(CONTROL_LEN as u32).as_ticks().saturating_add(self.reply_guard.as_ticks());
         if needed >= REPLY_WINDOW.as_ticks() {
