@@ -309,6 +309,20 @@ impl Case<'_> {
                 self.verdict.exempt("AMT, a relight by the ECU while the wire to the node is cut", at - from);
                 continue;
             }
+            // Nor does a node that has lost its memory reply before it knows what the engine does.
+            let lost = h.resets.iter().rev().find(|reset| (sent..at).contains(&reset.up)).filter(|reset| {
+                self.traits().replies_only
+                    && reset.cause == Cause::PowerOn
+                    && reset.down <= sent + h.rules.period + 50 * MS
+                    && h.frames_within(reset.up, at).is_empty()
+                    && at < sent + h.rules.gives_up_after + SECOND
+                    && self.live.contains(sent)
+            });
+            if let Some(lost) = lost {
+                self.verdict
+                    .exempt("AMT, a relight by the ECU after the node lost its memory", at - lost.down);
+                continue;
+            }
             // An ECU that boots with run on its PWM input starts without a command, until the first frame on
             // the line.
             let booted = h

@@ -247,6 +247,25 @@ fn behind_a_cut_wire_an_amt_ecu_acts_on_its_last_command() {
     assert!(!cleared(false) && cleared(true));
 }
 
+/// So does one whose node lost its memory, until that node replies (800000857).
+#[test]
+fn behind_a_reset_without_memory_an_amt_ecu_acts_on_its_last_command() {
+    let breaks = |again: f64, cause: Cause, reply: Option<Sent>| {
+        let story = flight(AMT, 40.0)
+            .turbine(40.0, again, Phase::Cooling, 30_000.0, 400.0)
+            .turbine(again, again + 1.0, Phase::Ignition, 8000.0, 390.0)
+            .mark(again, Mark::Ignition)
+            .with(|h| h.rules.gives_up_after = 4 * SECOND)
+            .with(|h| h.resets.push(Reset { down: 39_950 * MS, up: 40_050 * MS, cause }));
+        let story = if let Some(reply) = reply { story.wire(40.3, 40.4, reply) } else { story };
+        story.finds(Rule::Ignition)
+    };
+    assert!(!breaks(42.0, Cause::PowerOn, None));
+    assert!(breaks(42.0, Cause::Watchdog, None));
+    assert!(breaks(42.0, Cause::PowerOn, Some(HALF)));
+    assert!(breaks(46.0, Cause::PowerOn, None));
+}
+
 /// Likewise while the wire to the ECU is cut, whatever the node sends.
 #[test]
 fn what_does_not_reach_an_ecu_does_not_ignite() {
