@@ -4,7 +4,6 @@
 //! precedence over the hints of the command line.
 
 use crate::decode_hint::{Beside, Hint};
-use crate::json::Record;
 use crate::signals::read_pipe_to_its_end;
 use crate::telemetry::decoder::Decoder;
 use crate::telemetry::{self, Protocol};
@@ -140,7 +139,7 @@ fn decode(
     unreadable: impl Fn(io::Error) -> Failure,
 ) -> Result<Summary, Failure> {
     let mut summary = Summary::default();
-    let mut record = Record::default();
+    let mut line = Vec::new();
     let mut buffer = vec![0; BUFFER];
     loop {
         let count = match input.read(&mut buffer) {
@@ -153,12 +152,12 @@ fn decode(
         let before = decoder.counters();
         let mut rest = &buffer[..count];
         while !rest.is_empty() {
-            let (taken, frame) = decoder.next_record(summary.bytes, rest, &mut record);
+            let (taken, frame) = decoder.next_record(summary.bytes, rest, &mut line);
             rest = &rest[taken..];
             summary.bytes += taken as u64;
             let Some((length, kind)) = frame else { continue };
             summary.in_frames += length as u64;
-            output.write_all(record.line()).map_err(Failure::Output)?;
+            output.write_all(&line).map_err(Failure::Output)?;
             add(&mut summary.kinds, kind, 1);
         }
         // The decoder's counts wrap at 32 bits; the increments of one buffer do not.

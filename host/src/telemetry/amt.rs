@@ -7,9 +7,10 @@
 //!   from a hint, still applies.
 
 use super::decoder::Telemetry;
-use crate::json::{Escaped, Record, tenths};
+use crate::json::{Float, tenths};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use jetlink::ecu::amt::codec as amt;
+use serde::ser::SerializeMap;
 
 /// Settings of `jetlink decode`, until the stream reports them.
 #[derive(clap::Args, Clone, Copy, PartialEq, Eq, Default, Debug)]
@@ -59,10 +60,6 @@ impl Telemetry for Amt {
         "amt"
     }
 
-    fn len((frame, _): &Self::Frame) -> usize {
-        frame.raw().len()
-    }
-
     fn feed(&mut self, bytes: &[u8]) -> (usize, Option<Self::Frame>) {
         let (taken, frame) = self.decoder.feed(bytes);
         let frame = frame.map(|frame| (frame, frame.message()));
@@ -107,60 +104,72 @@ impl Telemetry for Amt {
         }
     }
 
-    fn write(&mut self, end: u64, &(frame, message): &Self::Frame, record: &mut Record) -> &'static str {
-        let name = match message {
+    fn raw((frame, _): &Self::Frame) -> &[u8] {
+        frame.raw()
+    }
+
+    fn frame_name((_, message): &Self::Frame) -> &'static str {
+        match message {
             amt::Message::Normal { .. } => "normal",
             amt::Message::Error { .. } => "error",
             amt::Message::Alternate { .. } => "alternate",
             amt::Message::Setup(_) => "setup",
             amt::Message::Unknown => "unknown",
-        };
-        record.begin(end, "amt", name, frame.raw());
+        }
+    }
+
+    fn fields<M: SerializeMap>(&self, &(_, message): &Self::Frame, map: &mut M) -> Result<(), M::Error> {
         match message {
             amt::Message::Normal { switch, state, rpm, egt, throttle, vout } => {
                 let step = self.engine.and_then(amt::EngineModel::rpm_step);
-                record.field("engine", self.engine.map(amt::EngineModel::name));
-                record.field("switch", switch.name());
-                record.field("state_code", state.code());
-                record.field("state", state.name());
-                record.field("rpm", step.map(|step| u32::from(rpm) * step));
-                record.field("egt_c", tenths(egt.celsius().tenths()));
-                record.field("throttle_pct", tenths(throttle.tenths()));
-                record.field("vout_v", amt_volts(vout, self.engine.and_then(amt::EngineModel::vout_scale)));
+                map.serialize_entry("engine", &self.engine.map(amt::EngineModel::name))?;
+                map.serialize_entry("switch", &switch.name())?;
+                map.serialize_entry("state_code", &state.code())?;
+                map.serialize_entry("state", &state.name())?;
+                map.serialize_entry("rpm", &step.map(|step| u32::from(rpm) * step))?;
+                map.serialize_entry("egt_c", &tenths(egt.celsius().tenths()))?;
+                map.serialize_entry("throttle_pct", &tenths(throttle.tenths()))?;
+                map.serialize_entry(
+                    "vout_v",
+                    &amt_volts(vout, self.engine.and_then(amt::EngineModel::vout_scale)),
+                )?;
             }
             amt::Message::Error { errors, egt, throttle, vout } => {
-                record.field("engine", self.engine.map(amt::EngineModel::name));
-                record.texts("errors", errors.names());
-                record.field("error_bits", errors.0);
-                record.field("egt_c", tenths(egt.celsius().tenths()));
-                record.field("throttle_pct", tenths(throttle.tenths()));
-                record.field("vout_v", amt_volts(vout, self.engine.and_then(amt::EngineModel::vout_scale)));
+                map.serialize_entry("engine", &self.engine.map(amt::EngineModel::name))?;
+                map.serialize_entry("errors", &errors.names().collect::<Vec<_>>())?;
+                map.serialize_entry("error_bits", &errors.0)?;
+                map.serialize_entry("egt_c", &tenths(egt.celsius().tenths()))?;
+                map.serialize_entry("throttle_pct", &tenths(throttle.tenths()))?;
+                map.serialize_entry(
+                    "vout_v",
+                    &amt_volts(vout, self.engine.and_then(amt::EngineModel::vout_scale)),
+                )?;
             }
             amt::Message::Alternate { engine_id, idle, max, battery, external } => {
                 let rpm_voltage = self.engine.and_then(amt::EngineModel::vout_scale);
-                record.field("engine_code", engine_id);
-                record.field("engine", self.engine.map(amt::EngineModel::name));
-                record.field("idle_v", amt_volts(idle, rpm_voltage));
-                record.field("max_v", amt_volts(max, rpm_voltage));
-                record.field(
+                map.serialize_entry("engine_code", &engine_id)?;
+                map.serialize_entry("engine", &self.engine.map(amt::EngineModel::name))?;
+                map.serialize_entry("idle_v", &amt_volts(idle, rpm_voltage))?;
+                map.serialize_entry("max_v", &amt_volts(max, rpm_voltage))?;
+                map.serialize_entry(
                     "battery_v",
-                    amt_volts(battery, self.engine.and_then(amt::EngineModel::battery_scale)),
-                );
-                record.field(
+                    &amt_volts(battery, self.engine.and_then(amt::EngineModel::battery_scale)),
+                )?;
+                map.serialize_entry(
                     "external_v",
-                    amt_volts(external, self.engine.and_then(amt::EngineModel::external_scale)),
-                );
+                    &amt_volts(external, self.engine.and_then(amt::EngineModel::external_scale)),
+                )?;
             }
             amt::Message::Setup(setup) => {
-                record.field("pw_min_us", setup.pw_min_us());
-                record.field("pw_max_us", setup.pw_max_us());
-                record.field("version", sent(setup.version()));
-                record.field("date", sent(setup.date()));
-                record.field("engine", setup.engine().map(amt::EngineModel::name));
+                map.serialize_entry("pw_min_us", &setup.pw_min_us())?;
+                map.serialize_entry("pw_max_us", &setup.pw_max_us())?;
+                map.serialize_entry("version", &sent(setup.version()))?;
+                map.serialize_entry("date", &sent(setup.date()))?;
+                map.serialize_entry("engine", &setup.engine().map(amt::EngineModel::name))?;
             }
             amt::Message::Unknown => {}
         }
-        name
+        Ok(())
     }
 
     fn counters(&self) -> Vec<(&'static str, u32)> {
@@ -180,13 +189,13 @@ impl Telemetry for Amt {
 
 /// Voltage by the document's formula. One step is not a whole number of any decimal unit: [`amt::VoltageScale::millivolts`] rounds, and
 /// this has the decimals of a 64-bit floating-point number.
-fn amt_volts(raw: u8, scale: Option<amt::VoltageScale>) -> Option<f64> {
+fn amt_volts(raw: u8, scale: Option<amt::VoltageScale>) -> Option<Float> {
     let scale = scale?;
     let full_scale = f64::from(scale.full_scale_mv) / 1000.0;
-    Some(f64::from(scale.offset_mv) / 1000.0 + f64::from(raw) * full_scale / 255.0)
+    Some(Float(f64::from(scale.offset_mv) / 1000.0 + f64::from(raw) * full_scale / 255.0))
 }
 
 /// A text of a set-up set; `None`: it is not ASCII, and the codec returns an empty one.
-fn sent(text: &str) -> Option<Escaped<'_>> {
-    (!text.is_empty()).then_some(Escaped(text))
+fn sent(text: &str) -> Option<&str> {
+    (!text.is_empty()).then_some(text)
 }

@@ -1,6 +1,8 @@
 //! Interface of a decoder of telemetry.
 
-use crate::json::Record;
+use crate::json::Hex;
+use serde::ser::SerializeMap;
+use serde::{Serialize, Serializer};
 use std::fmt::Debug;
 
 /// The telemetry of a protocol: its codec's frames, with names and units. It retains what the ECU has reported about itself.
@@ -23,8 +25,11 @@ pub trait Telemetry {
     /// The protocol, as the command line names it.
     fn name(&self) -> &'static str;
 
-    /// Number of bytes of a frame.
-    fn len(frame: &Self::Frame) -> usize;
+    /// The bytes of a frame.
+    fn raw(frame: &Self::Frame) -> &[u8];
+
+    /// The name of a frame.
+    fn frame_name(frame: &Self::Frame) -> &'static str;
 
     /// Takes bytes up to the end of the first frame, as the codecs' decoders do, and retains what the ECU reports about itself in it.
     fn feed(&mut self, bytes: &[u8]) -> (usize, Option<Self::Frame>);
@@ -32,8 +37,11 @@ pub trait Telemetry {
     /// A frame in one line, for people.
     fn text(&self, frame: &Self::Frame) -> String;
 
-    /// Writes the record of a frame that ends at this offset. Returns the frame's name.
-    fn write(&mut self, end: u64, frame: &Self::Frame, record: &mut Record) -> &'static str;
+    /// Writes the content of a frame.
+    ///
+    /// # Errors
+    /// Those of the writer.
+    fn fields<M: SerializeMap>(&self, frame: &Self::Frame, map: &mut M) -> Result<(), M::Error>;
 
     /// Counters of the decoder, with names for people. They wrap at 32 bits.
     fn counters(&self) -> Vec<(&'static str, u32)>;
@@ -53,12 +61,12 @@ pub trait Decoder: Debug + Send {
     /// The length of the next frame, and its text for people.
     fn next_text(&mut self, bytes: &[u8]) -> (usize, Option<(usize, String)>);
 
-    /// The length of the next frame, and its name; writes its record. `before`: offset of the first byte.
+    /// The length of the next frame, and its name; replaces the line by its record. `before`: offset of the first byte.
     fn next_record(
         &mut self,
         before: u64,
         bytes: &[u8],
-        record: &mut Record,
+        line: &mut Vec<u8>,
     ) -> (usize, Option<(usize, &'static str)>);
 
     /// Counters, with names for people. They wrap at 32 bits.
@@ -75,22 +83,30 @@ impl<T: Telemetry + Debug + Send> Decoder for T {
 
     fn next_length(&mut self, bytes: &[u8]) -> (usize, Option<usize>) {
         let (taken, frame) = self.feed(bytes);
-        (taken, frame.map(|frame| T::len(&frame)))
+        (taken, frame.map(|frame| T::raw(&frame).len()))
     }
 
     fn next_text(&mut self, bytes: &[u8]) -> (usize, Option<(usize, String)>) {
         let (taken, frame) = self.feed(bytes);
-        (taken, frame.map(|frame| (T::len(&frame), self.text(&frame))))
+        (taken, frame.map(|frame| (T::raw(&frame).len(), self.text(&frame))))
     }
 
     fn next_record(
         &mut self,
         before: u64,
         bytes: &[u8],
-        record: &mut Record,
+        line: &mut Vec<u8>,
     ) -> (usize, Option<(usize, &'static str)>) {
         let (taken, frame) = self.feed(bytes);
-        (taken, frame.map(|frame| (T::len(&frame), self.write(before + taken as u64, &frame, record))))
+        let frame = frame.map(|frame| {
+            line.clear();
+            let record = Record { telemetry: self, end: before + taken as u64, frame: &frame };
+            // Memory takes everything, and no key is anything but a text.
+            let _ = serde_json::to_writer(&mut *line, &record);
+            line.push(b'\n');
+            (T::raw(&frame).len(), T::frame_name(&frame))
+        });
+        (taken, frame)
     }
 
     fn counters(&self) -> Vec<(&'static str, u32)> {
@@ -99,5 +115,25 @@ impl<T: Telemetry + Debug + Send> Decoder for T {
 
     fn pending(&self) -> usize {
         Telemetry::pending(self)
+    }
+}
+
+/// The JSON object of a frame that ends at this offset of the input.
+struct Record<'a, T: Telemetry> {
+    telemetry: &'a T,
+    end: u64,
+    frame: &'a T::Frame,
+}
+
+impl<T: Telemetry> Serialize for Record<'_, T> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let raw = T::raw(self.frame);
+        let mut map = serializer.serialize_map(None)?;
+        map.serialize_entry("offset", &(self.end - raw.len() as u64))?;
+        map.serialize_entry("protocol", Telemetry::name(self.telemetry))?;
+        map.serialize_entry("frame", T::frame_name(self.frame))?;
+        map.serialize_entry("raw", &Hex(raw))?;
+        self.telemetry.fields(self.frame, &mut map)?;
+        map.end()
     }
 }

@@ -1,9 +1,10 @@
 //! The telemetry of a ZK ECU. Status ID 6 reports the protocol version (ZK-6), which gives voltages their scale.
 
 use super::decoder::Telemetry;
-use crate::json::{Decimal, Record, tenths, thousandths};
+use crate::json::{Decimal, tenths, thousandths};
 use clap::builder::{RangedI64ValueParser, TypedValueParser};
 use jetlink::ecu::zk::codec as zk;
+use serde::ser::SerializeMap;
 
 /// Settings of `jetlink decode`, until the stream reports them.
 #[derive(clap::Args, Clone, Copy, PartialEq, Eq, Default, Debug)]
@@ -62,10 +63,6 @@ impl Telemetry for Zk {
         "zk"
     }
 
-    fn len((frame, _): &Self::Frame) -> usize {
-        frame.raw().len()
-    }
-
     fn feed(&mut self, bytes: &[u8]) -> (usize, Option<Self::Frame>) {
         let (taken, frame) = self.decoder.feed(bytes);
         let frame = frame.map(|frame| (frame, frame.status()));
@@ -118,61 +115,73 @@ impl Telemetry for Zk {
         format!("status {}: {rpm} rpm, {what}", frame.id())
     }
 
-    fn write(&mut self, end: u64, &(frame, status): &Self::Frame, record: &mut Record) -> &'static str {
-        let name = zk_name(frame.id());
-        record.begin(end, "zk", name, frame.raw());
-        record.field("rpm", frame.rpm().get());
+    fn raw((frame, _): &Self::Frame) -> &[u8] {
+        frame.raw()
+    }
+
+    fn frame_name((frame, _): &Self::Frame) -> &'static str {
+        zk_name(frame.id())
+    }
+
+    fn fields<M: SerializeMap>(&self, &(frame, status): &Self::Frame, map: &mut M) -> Result<(), M::Error> {
+        map.serialize_entry("rpm", &frame.rpm().get())?;
         match status {
             zk::Status::Engine { state, error, egt, switch } => {
-                record.field("state_code", state.code());
-                record.field("state", state.name());
-                record.field("error_code", error.code());
-                record.field("error", error.name());
-                record.field("switch_code", switch.code());
-                record.field("switch", switch.name());
-                record.field("egt_c", tenths(egt.tenths()));
+                map.serialize_entry("state_code", &state.code())?;
+                map.serialize_entry("state", &state.name())?;
+                map.serialize_entry("error_code", &error.code())?;
+                map.serialize_entry("error", &error.name())?;
+                map.serialize_entry("switch_code", &switch.code())?;
+                map.serialize_entry("switch", &switch.name())?;
+                map.serialize_entry("egt_c", &tenths(egt.tenths()))?;
             }
             zk::Status::Voltages { radio, power, pump } => {
                 for (key, byte) in [("radio_v", radio), ("power_v", power), ("pump_v", pump)] {
-                    record.field(key, zk_volts(byte, self.version));
+                    map.serialize_entry(key, &zk_volts(byte, self.version))?;
                 }
             }
             zk::Status::Throttle { percent, pressure } => {
-                record.field("throttle_pct", percent);
-                record.field("pressure_pa", pressure.get());
+                map.serialize_entry("throttle_pct", &percent)?;
+                map.serialize_entry("pressure_pa", &pressure.get())?;
             }
             zk::Status::Load { current, thrust } => {
-                record.field("current_a", thousandths(current.get()));
-                record.field("thrust_kg", self.since(thrust).map(|thrust| thousandths(thrust.get())));
+                map.serialize_entry("current_a", &thousandths(current.get()))?;
+                map.serialize_entry(
+                    "thrust_kg",
+                    &self.since(thrust).map(|thrust| thousandths(thrust.get())),
+                )?;
             }
             zk::Status::Settings { ignition_pump, increase, decrease } => {
-                record.field("ignition_pump_v", thousandths(ignition_pump.get()));
-                record.field("curve_increase", increase);
-                record.field("curve_decrease", decrease);
+                map.serialize_entry("ignition_pump_v", &thousandths(ignition_pump.get()))?;
+                map.serialize_entry("curve_increase", &increase)?;
+                map.serialize_entry("curve_decrease", &decrease)?;
             }
             zk::Status::Identity { max_rpm, max_pump, version, rate } => {
-                record.field("max_rpm", max_rpm.get());
-                record.field("max_pump_v", zk_volts(max_pump, Some(version)));
-                record.field("protocol_version", version.get());
-                record.field("rate_hz", rate.map(zk::Rate::hz));
+                map.serialize_entry("max_rpm", &max_rpm.get())?;
+                map.serialize_entry("max_pump_v", &zk_volts(max_pump, Some(version)))?;
+                map.serialize_entry("protocol_version", &version.get())?;
+                map.serialize_entry("rate_hz", &rate.map(zk::Rate::hz))?;
             }
             zk::Status::Fuel { flow, total } => {
-                record.field("flow_l_min", thousandths(flow.get()));
-                record.field("fuel_l", thousandths(total.get()));
+                map.serialize_entry("flow_l_min", &thousandths(flow.get()))?;
+                map.serialize_entry("fuel_l", &thousandths(total.get()))?;
             }
             zk::Status::Idle { idle_rpm, details } => {
                 let details = self.since(details);
-                record.field("idle_rpm", idle_rpm.get());
-                record.field("pressure_requested", details.map(|details| details.pressure_requested));
-                record.field("closed_loop", details.map(|details| details.closed_loop));
+                map.serialize_entry("idle_rpm", &idle_rpm.get())?;
+                map.serialize_entry(
+                    "pressure_requested",
+                    &details.map(|details| details.pressure_requested),
+                )?;
+                map.serialize_entry("closed_loop", &details.map(|details| details.closed_loop))?;
                 // Twelve bits of 0.1 s.
                 let startup = details.map(|details| thousandths(details.startup.as_millis() as u32));
-                record.field("startup_s", startup);
+                map.serialize_entry("startup_s", &startup)?;
             }
-            zk::Status::Temperature { ecu } => record.field("ecu_c", tenths(ecu.tenths())),
+            zk::Status::Temperature { ecu } => map.serialize_entry("ecu_c", &tenths(ecu.tenths()))?,
             zk::Status::Unknown => {}
         }
-        name
+        Ok(())
     }
 
     fn counters(&self) -> Vec<(&'static str, u32)> {
