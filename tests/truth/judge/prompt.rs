@@ -269,7 +269,10 @@ impl Case<'_> {
                 continue;
             }
             self.verdict.count("governed engines over a reset", 1);
-            if let Some((at, tenths)) = throttles(reset.up, until).find(|(_, tenths)| 2 * tenths + 50 < held)
+            // A limit may lower it.
+            if let Some((at, tenths)) = throttles(reset.up, until)
+                .find(|(_, tenths)| 2 * tenths + 50 < held)
+                .filter(|(at, _)| !self.reduced(*at))
             {
                 let text = format!("a governor gives {}.{} % after a reset", tenths / 10, tenths % 10);
                 self.verdict.finding(Rule::HeldDown, at, text);

@@ -99,7 +99,7 @@ fn damaged_frames_that_keep_the_beat_are_no_gap_in_flight() {
 
 #[test]
 fn a_governor_gives_its_throttle_again_after_a_reset() {
-    let story = |then: Sent, resets: &[u64]| {
+    let limited = |then: Sent, resets: &[u64], limit_egt| {
         started(AMT)
             .streams(PILOT, 31.0, 60.0, PilotCommand::Run(Demanded::Rpm(100_000)))
             .turbine(RUNS as f64, 60.0, Phase::Running, 100_000.0, 500.0)
@@ -108,15 +108,19 @@ fn a_governor_gives_its_throttle_again_after_a_reset() {
             .wire(50.1, 51.0, then)
             .wire(51.0, 60.0, sent(400))
             .with(|h| {
-                h.rules.governor = true;
+                (h.rules.governor, h.rules.limit_egt) = (true, limit_egt);
                 let reset = |up: &u64| Reset { down: (up - 50) * MS, up: up * MS, cause: Cause::Watchdog };
                 h.resets = resets.iter().map(reset).collect();
             })
             .finds(Rule::HeldDown)
     };
+    let story = |then: Sent, resets: &[u64]| limited(then, resets, None);
     assert!(!story(sent(380), &[50_050]));
     assert!(story(IDLE, &[50_050]));
     assert!(!story(IDLE, &[49_000, 50_050]), "it may not have known");
+    // A limit lowers it (810001006).
+    let limited = |egt: f64| limited(IDLE, &[50_050], Some((egt, false)));
+    assert!(!limited(505.0) && limited(600.0));
 }
 
 #[test]
