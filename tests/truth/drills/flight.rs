@@ -335,6 +335,10 @@ impl Director {
             // Two consecutive ones: an implausible change.
             2 | 3 => return vec![odd(Odd::SlowShaft), odd(Odd::SlowShaft), Step::Wait(8 * SECOND)],
             4 => return vec![odd(Odd::HotExhaust), Step::Wait(5 * SECOND)],
+            // Where two of them shut the engine down.
+            6 | 7 if matches!(self.rules.limit_egt, Some((_, true))) => {
+                return vec![odd(Odd::HotExhaust), Step::Wait(5 * SECOND)];
+            }
             5 if self.traits().versions => {
                 let frames =
                     (0..rng.between(2, 4)).flat_map(|_| [odd(Odd::LaterVersion), Step::Wait(30 * MS)]);
