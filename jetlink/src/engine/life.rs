@@ -598,7 +598,15 @@ impl Finding {
                     _ => Found::Nothing,
                 }
             }
-            Observation::Faulted { .. } if self.flew() && exhaust == Burning::Yes => Found::Burning,
+            Observation::Faulted { .. } if exhaust == Burning::Yes => {
+                self.ending.reset();
+                if self.flew() { Found::Burning } else { Found::Nothing }
+            }
+            // As without a reset, a start ends: the ECU could start the engine again when the fault clears.
+            Observation::Faulted { .. } if self.started.is_some() => {
+                self.ending.count(true);
+                if self.ending.reached(AGREEING) { Found::NotRunning } else { Found::Nothing }
+            }
             _ => Found::Nothing,
         }
     }

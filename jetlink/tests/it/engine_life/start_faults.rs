@@ -64,6 +64,31 @@ fn amt_a_start_that_a_reset_cut_short_resumes_as_a_start() {
     }
 }
 
+/// Error sets behind a reset in a start end it likewise, unless the exhaust burns: the ECU would light its engine once more when the fault
+/// clears, on the run from before the reset. What had reached running goes on in flight.
+#[test]
+fn amt_8_two_error_sets_behind_a_reset_end_a_start() {
+    for (reached, egt, sets, order) in [
+        (false, 64, 1, Order::Listen),
+        (false, 64, 3, Order::Standby),
+        (false, 500, 3, Order::Listen),
+        (true, 500, 3, Order::Doubt(percent(0))),
+    ] {
+        let config = Ecu::Amt.config();
+        let mut scenario = Scenario::ready(Ecu::Amt, config);
+        scenario.command(run(0)).unwrap();
+        scenario.reports(Reports::Starting);
+        if reached {
+            scenario.reports(Reports::Running).fly_us(run(0), Origin::Rc, 2 * SECOND);
+        }
+        let mut scenario = scenario.reset(config);
+        (scenario.values.fault, scenario.values.egt_celsius) = (1, egt);
+        scenario.fly_us(run(0), Origin::Rc, sets * FRAME_PERIOD_US);
+        let found = scenario.order();
+        assert_eq!(found, order, "{reached}, {egt} °C, {sets} sets");
+    }
+}
+
 /// A start is ended by one command of its source, even if it has been silent for longer than its timeout.
 #[test]
 fn one_standby_of_a_source_that_was_lost_ends_a_start() {
