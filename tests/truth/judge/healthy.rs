@@ -219,6 +219,20 @@ impl Case<'_> {
         })
     }
 
+    /// When the source that started the engine last commanded run without a gap: it was in control from its start on.
+    fn last_run_of_start(&self, source: usize, at: u64) -> Option<u64> {
+        let commands = self.command_log.until(source, at);
+        let is_run = |(_, command): &(u64, PilotCommand)| matches!(command, PilotCommand::Run(_));
+        let first = (0..commands.len()).rev().find(|index| {
+            let before = index.checked_sub(1).is_some_and(|before| is_run(&commands[before]));
+            is_run(&commands[*index]) && !before && self.start_sent(commands[*index].0)
+        })?;
+        let stream = commands[first..]
+            .windows(2)
+            .take_while(|pair| is_run(&pair[1]) && pair[1].0 <= pair[0].0 + self.command_log.age(source));
+        Some(stream.last().map_or(commands[first].0, |pair| pair[1].0))
+    }
+
     /// Whether run is sent, after something else, right after a command.
     fn start_sent(&self, command: u64) -> bool {
         let frames = &self.h.frames;
@@ -314,7 +328,10 @@ impl Case<'_> {
         // A source that commands now and then is not in control, and the stages continue.
         let long = rules.recover_after + rules.takeover;
         let sure = |above_for| {
-            (0..4).filter_map(|source| self.last_run_in_control(source, at, long + slack, above_for)).max()
+            let sure =
+                (0..4).filter_map(|source| self.last_run_in_control(source, at, long + slack, above_for));
+            let started = (0..4).filter_map(|source| self.last_run_of_start(source, at));
+            sure.chain(started).max()
         };
         let last = self.command_log.last_run(at).unwrap_or(0);
         // One whose demand is close takes over at once, another one only after its wait, for which it may never be there.

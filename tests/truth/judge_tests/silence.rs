@@ -302,9 +302,9 @@ fn silence_shuts_an_engine_down_only_where_that_is_configured() {
 /// that was.
 #[test]
 fn who_starts_an_engine_is_in_control_at_once() {
-    let story = |standby_after| {
+    let story = |silent, standby_after| {
         ready(ZK5)
-            .streams(PILOT, 4.0, 7.0, PilotCommand::Run(Demanded::Throttle(0)))
+            .streams(PILOT, 4.0, silent, PilotCommand::Run(Demanded::Throttle(0)))
             .wire(4.0, 26.0, IDLE)
             .mark(5.0, Mark::Ignition)
             .turbine(5.0, 20.0, Phase::FuelRamp, 20_000.0, 400.0)
@@ -315,8 +315,11 @@ fn who_starts_an_engine_is_in_control_at_once() {
             .turbine(26.1, 40.0, Phase::Cooling, 5000.0, 300.0)
             .with(move |h| (h.rules.standby_after, h.rules.takeover) = (standby_after, 4 * SECOND))
     };
-    story(Some(17_500 * MS)).passes();
-    story(Some(30 * SECOND)).breaks(&[Rule::ShutDown]);
+    // Silent as soon as it had started (811000831).
+    for silent in [7.0, 4.6] {
+        story(silent, Some(17_500 * MS)).passes();
+        story(silent, Some(30 * SECOND)).breaks(&[Rule::ShutDown]);
+    }
 }
 
 /// With error sets only, and a broken thermocouple, nothing shows that an AMT engine runs: in silence its order ends.
