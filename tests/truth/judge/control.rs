@@ -211,14 +211,14 @@ fn armed(h: &History, brown_out_forgets: bool) -> Vec<(u64, bool)> {
     all
 }
 
-/// Whether this release certainly took effect: no stop is on the wire behind it, and none that its source repeats before the first
-/// other order may be the one that did. The first of them may have come while nothing was received of the ECU.
+/// Whether this release certainly took effect: no stop is on the wire behind it, and none of any source before the first other order may
+/// be the one that did. The first of them may have come while nothing was received of the ECU.
 fn is_released(h: &History, release: &Commanded) -> bool {
     let switch = |frame: &Frame| Some((frame.at, frame.sent.switch()?));
     let mut frames =
         h.frames_within(release.at + stop_is_late(h), release.at + SECOND).iter().filter_map(switch);
     frames.next().is_some_and(|(at, switch)| {
-        let again = |later: &Commanded| (later.source, later.command) == (release.source, release.command);
+        let again = |later: &Commanded| later.command == release.command;
         switch != Switch::Stop && !h.commanded(release.at + 1, at).iter().any(again)
     })
 }

@@ -150,4 +150,18 @@ fn an_arming_before_the_release_that_took_effect_powers_no_starter() {
         assert_eq!(armed_at(before), [], "{before} s");
     }
     assert_eq!(armed_at(2.1), [Rule::Power]);
+    // Or it was another source's release (812001803).
+    let released_at = |second: f64| {
+        Story::new(AMT)
+            .once(PILOT, 1.0, PilotCommand::Stop)
+            .once(0, 1.9, PilotCommand::Release)
+            .once(0, 1.91, PilotCommand::Arm)
+            .once(PILOT, second, PilotCommand::Release)
+            .wire(1.0, 1.85, STOP)
+            .wire(2.0, 20.0, STANDBY)
+            .turbine(0.0, 20.0, Phase::Standby, 0.0, 15.0)
+            .with(|h| h.power = vec![(0, Some(false))])
+            .finds(Rule::Power)
+    };
+    assert!(!released_at(1.93) && released_at(2.5));
 }
