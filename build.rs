@@ -39,6 +39,9 @@ fn main() {
             println!("cargo:rustc-env=JETLINK_PORTS={}", board.ports.len());
             println!("cargo:rustc-env=JETLINK_RADIO_PORT={}", board.radio);
             println!("cargo:rustc-env=JETLINK_OUTPUTS={}", free_outputs(board));
+            if board.outputs.iter().any(|output| output.low_before) {
+                println!("cargo:rustc-env=JETLINK_OUTPUTS_LOW_BEFORE=1");
+            }
             if board.pulses.is_some() {
                 println!("cargo:rustc-cfg=board_pulses");
             }

@@ -14,7 +14,7 @@ use jetlink_rc::wiring::{OutputConfig, OutputPin, check_free, check_outputs};
 
 /// The engines of this aircraft. `port` counts the board's ECU ports from 0: see
 /// `docs/boards.md` for their names and pins.
-#[cfg(not(feature = "all-ports"))]
+#[cfg(not(any(feature = "all-ports", feature = "radio-sbus")))]
 pub const ENGINES: [EngineConfig; 4] = [
     //                name       port  line                    ECU
     EngineConfig::amt("left", 0, Line::new(2400), Some(EngineModel::Olympus)),
@@ -23,10 +23,12 @@ pub const ENGINES: [EngineConfig; 4] = [
     EngineConfig::zk("booster", 3, Line::new(115_200), Rate::Hz50),
 ];
 
-/// Bench only (feature `all-ports`): an engine on every port of the board, with every kind of line.
-#[cfg(feature = "all-ports")]
-pub const ENGINES: [EngineConfig; ports()] = {
-    let six = [
+/// Bench and test images only. Feature `all-ports`: an engine on every port of the board, with every kind of line. Feature `radio-sbus`,
+/// which every image with a receiver has: the engines above, on the board's first ports without that of the receiver. A Cube Orange has
+/// only three of these.
+#[cfg(any(feature = "all-ports", feature = "radio-sbus"))]
+pub const ENGINES: [EngineConfig; count()] = {
+    let mut six = [
         EngineConfig::amt("left", 0, Line::new(2400), Some(EngineModel::Olympus)),
         EngineConfig::amt("right", 1, Line::new(2400), Some(EngineModel::Titan)),
         EngineConfig::zk("centre", 2, Line::new(9600), Rate::Hz20),
@@ -34,19 +36,26 @@ pub const ENGINES: [EngineConfig; ports()] = {
         EngineConfig::zk("upper", 4, Line::with_two_stop_bits(57_600), Rate::Hz100),
         EngineConfig::amt("tail", 5, Line::new(9600), Some(EngineModel::Mercury)),
     ];
+    let mut after = radio_port() as usize;
+    while cfg!(feature = "radio-sbus") && after < six.len() {
+        six[after].port += 1;
+        after += 1;
+    }
     match six.first_chunk() {
         Some(engines) => *engines,
         None => unreachable!(),
     }
 };
 
-/// Number of ports of the board (build.rs); without a board, the number of engines above.
-#[cfg(feature = "all-ports")]
-const fn ports() -> usize {
-    match option_env!("JETLINK_PORTS") {
+/// Number of the engines above: from the number of ports of the board (build.rs); without a board there are six.
+#[cfg(any(feature = "all-ports", feature = "radio-sbus"))]
+const fn count() -> usize {
+    let ports = match option_env!("JETLINK_PORTS") {
         Some(ports) => (ports.as_bytes()[0] - b'0') as usize,
         None => 6,
-    }
+    };
+    let free = ports - cfg!(feature = "radio-sbus") as usize;
+    if cfg!(feature = "all-ports") || free < 4 { free } else { 4 }
 }
 
 /// Line of the telemetry port, which carries MAVLink.
@@ -82,7 +91,7 @@ pub const RADIO: Option<RadioConfig<{ ENGINES.len() }>> = {
 };
 
 /// Port of the board for a receiver (build.rs); without a board, one that no engine has.
-#[cfg(any(feature = "radio-sbus", feature = "radio-crsf", feature = "radio-pwm"))]
+#[cfg(any(feature = "all-ports", feature = "radio-sbus"))]
 const fn radio_port() -> u8 {
     match option_env!("JETLINK_RADIO_PORT") {
         Some(port) => port.as_bytes()[0] - b'0',
@@ -96,13 +105,13 @@ const fn radio_port() -> u8 {
 pub const OUTPUTS: Option<[OutputConfig; ENGINES.len()]> = None;
 
 /// Test images only (feature `outputs`): a valve for each engine on the first outputs of the board that are no inputs, power on the next
-/// ones, as far as there are any. With the last engine the low level energises.
+/// ones, as far as there are any. With the last engine the low level energises, unless the bootloader drives the outputs low.
 #[cfg(feature = "outputs")]
 pub const OUTPUTS: Option<[OutputConfig; ENGINES.len()]> = {
     let mut engines = [OutputConfig::NONE; ENGINES.len()];
     let mut i = 0;
     while i < ENGINES.len() {
-        let low = i == ENGINES.len() - 1;
+        let low = i == ENGINES.len() - 1 && option_env!("JETLINK_OUTPUTS_LOW_BEFORE").is_none();
         if let Some(number) = output(i) {
             engines[i] = OutputConfig::valve(OutputPin { number, low });
         }
