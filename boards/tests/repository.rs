@@ -155,7 +155,14 @@ fn section(board: &Board) -> String {
     }
     let radio = board.ports[usize::from(board.radio)];
     let lines = if board.chip.family.inverts() { "SBUS or CRSF" } else { "CRSF, or SBUS behind an inverter" };
-    rows += &format!("\nReceiver for radio control: port {}, {} ({lines}).\n", board.radio, radio.label);
+    rows += &format!("\nReceiver for radio control: port {}, {} ({lines}).", board.radio, radio.label);
+    // The engines on ports 0 to 3 in src/config.rs.
+    if let Some(engine) = ["left", "right", "centre", "booster"].get(usize::from(board.radio)) {
+        rows += &format!(" **The default table of engines has `{engine}` there**");
+        rows += if board.ports.len() > 4 { ": give it port 4, or" } else { ", and no port is free:" };
+        rows += " remove its row ([how](rc.md#on-a-board)).";
+    }
+    rows += "\n";
     rows += &outputs(board);
     if let Some(PulseInputs { timer, pins, .. }) = board.pulses {
         let pads = pins.map(|pin| board.outputs.iter().find(|output| output.pin == pin).unwrap().label);
