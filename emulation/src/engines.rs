@@ -69,10 +69,11 @@ const ENGINES: [(&str, Line, Protocol); 6] = [
     ("tail", Line::n1(9600), Protocol::Amt(amt::EngineModel::Mercury)),
 ];
 
-/// The engines of an image, in the order of the board's ports.
+/// The engines of an image, in the order of the board's ports, without that of a receiver.
 pub fn of(board: &'static Board, image: Image) -> Vec<Engine> {
     let count = if image == Image::AllPorts { board.ports.len() } else { 4 };
-    let ports = board.ports.iter().take(count);
+    let ports =
+        board.ports.iter().filter(|port| !image.has_outputs() || port.name != board.radio).take(count);
     ENGINES
         .iter()
         .zip(ports)

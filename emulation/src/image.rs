@@ -72,13 +72,13 @@ impl Image {
         }
     }
 
-    /// Whether it drives outputs: see [`Image::outputs`].
+    /// Whether it has a receiver, and drives outputs: see [`Image::outputs`].
     pub const fn has_outputs(self) -> bool {
         matches!(self, Self::RadioCrsf | Self::RadioPwm | Self::Outputs | Self::OutputsArdupilot)
     }
 
     /// The outputs of a board that it may drive, by number: engine i has its fuel valve on the i-th of them, and after all valves come the
-    /// powers of starter and ignition, as far as there are outputs. Those of the last engine are energised by the low level.
+    /// powers of starter and ignition, as far as there are outputs. [`crate::pins::Level::energising`] has their levels.
     pub fn outputs(self, board: &Board) -> Vec<usize> {
         let inputs = board.inputs.iter().filter(|_| self == Self::RadioPwm).flat_map(|inputs| inputs.pins);
         let inputs: Vec<_> = inputs.map(|pin| (pin.port, pin.number)).collect();
@@ -86,7 +86,8 @@ impl Image {
         (0..board.outputs.len()).filter(|_| self.has_outputs()).filter(free).collect()
     }
 
-    /// The images of a board: all of them for the first board of a part, the release image for the others.
+    /// The images of a board: all of them for the first board of a part, the release image for the others, and that with an SBUS receiver
+    /// where it moves an engine of the release image to another port.
     pub fn of(board: &Board) -> impl Iterator<Item = Self> {
         let every = board.is_first_of_its_part();
         let has_bootloader = board.behind_bootloader.is_some();
@@ -96,6 +97,7 @@ impl Image {
             Self::OutputsArdupilot => every && has_bootloader,
             Self::PlayEcu => board.name == NUCLEO_H743ZI2.name,
             Self::Supply => board.divider.is_some(),
+            Self::Outputs => every || board.ports[..4].iter().any(|port| port.name == board.radio),
             _ => every,
         })
     }

@@ -15,6 +15,14 @@ pub enum Level {
     High,
 }
 
+impl Level {
+    /// The level that energises the outputs of an image's engine: of the last one the low level, unless the bootloader drives them low.
+    pub fn energising(board: &Board, last: bool) -> Self {
+        let low_before = board.outputs.iter().any(|output| output.low_before);
+        if last && !low_before { Self::Low } else { Self::High }
+    }
+}
+
 /// Mode, output data, set and reset (MODER, ODR, BSRR).
 const REGISTERS: [u64; 3] = [0x00, 0x14, 0x18];
 

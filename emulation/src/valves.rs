@@ -52,7 +52,7 @@ pub(crate) fn complaints(report: &Report, errors: bool) -> Vec<String> {
     let commands = first_command(report);
     let mut complaints = Vec::new();
     for (number, engine) in engines.into_iter().enumerate() {
-        let energised = if number == last { Level::Low } else { Level::High };
+        let energised = Level::energising(report.board, number == last);
         let wire = report.wires.get(engine.port);
         let sent = wire.map_or(Vec::new(), |wire| switches(wire, engine.protocol));
         if let Some(&valve) = outputs.get(number) {

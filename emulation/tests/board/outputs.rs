@@ -69,8 +69,9 @@ pub fn stop_closes_the_valves_within_10_ms(report: &Report, protocol: Protocol, 
 
 /// Each valve changes once in a time, and closes in a part of it.
 fn valves_close(report: &Report, within: core::ops::Range<Nanos>, closes: core::ops::Range<Nanos>) {
-    for valve in VALVES {
+    for valve in VALVES.into_iter().filter(|valve| valve.number < report.board.outputs.len()) {
         let name = format!("{}, {}", report.board.name, valve.name);
+        let valve = Output { on: Level::energising(report.board, valve.number == BOOSTER.number), ..valve };
         let closed = Pin::output(report, valve.number).changes(within.clone());
         let [(at, level)] = closed[..] else { panic!("{name}: {closed:?}") };
         println!("{name}: closed {:.2} ms before its limit", (closes.end as f64 - at as f64) / 1e6);

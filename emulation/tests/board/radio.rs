@@ -4,8 +4,9 @@
 use crate::mavlink;
 use crate::outputs;
 use crate::reply_time::GARBAGE;
-use crate::support::on_each_board;
+use crate::support::{on_all_boards, on_each_board};
 use emulation::board::Part;
+use emulation::engines::{self, Engine};
 use emulation::receiver::{Position, Protocol, Receiver};
 use emulation::{Board, Image, Report, Run, turnaround};
 use sim::amt::{AmtConfig, AmtEcu, EngineModel, Ops};
@@ -17,9 +18,19 @@ use sim::zk::{Sw, ZkCommand, ZkEcu};
 /// Both protocols, each with an image that also has a valve for each engine.
 const BOTH: [(Protocol, Image); 2] = [(Protocol::Sbus, Image::Outputs), (Protocol::Crsf, Image::RadioCrsf)];
 
-/// Ports of an AMT engine, "left", and of a ZK engine, "booster".
+/// Those that a board has.
+fn receivers(board: &Board) -> impl Iterator<Item = (Protocol, Image)> {
+    BOTH.into_iter().filter(|which| Image::of(board).any(|image| image == which.1))
+}
+
+/// Ports of an AMT engine, "left", and of a ZK engine, "booster", on the first board of each part.
 pub const AMT: &str = "SERIAL2";
 pub const ZK: &str = "SERIAL5";
+
+/// The last engine of an image with a receiver, a ZK engine: "booster", or on a Cube Orange "centre".
+fn zk(board: &'static Board) -> Engine {
+    engines::of(board, Image::Outputs).pop().expect("engines")
+}
 
 /// Every line at once.
 const ALL_FULL: &str = "all lines full";
@@ -44,7 +55,7 @@ pub fn orders(report: &Report) -> [Vec<(Nanos, Order)>; 2] {
         };
         (*at, order)
     });
-    let zk = report.ecu::<ZkEcu>(ZK).commands.iter().filter_map(|(at, command)| {
+    let zk = report.ecu::<ZkEcu>(zk(report.board).port).commands.iter().filter_map(|(at, command)| {
         let order = match command {
             ZkCommand::Control { sw: Sw::Stop, .. } => Order::Stop,
             ZkCommand::Control { sw: Sw::Standby, .. } => Order::Standby,
@@ -62,12 +73,13 @@ pub fn order_at(orders: &[(Nanos, Order)], at: Nanos) -> Order {
 }
 
 pub fn phases(report: &Report) -> [Phase; 2] {
-    [report.ecu::<AmtEcu>(AMT).turbine().phase(), report.ecu::<ZkEcu>(ZK).turbine().phase()]
+    let zk = report.ecu::<ZkEcu>(zk(report.board).port).turbine().phase();
+    [report.ecu::<AmtEcu>(AMT).turbine().phase(), zk]
 }
 
 /// Both engines, at rest, and a receiver.
 fn run(board: &'static Board, (protocol, image): (Protocol, Image)) -> Run {
-    Run::new(board, image).quick_engines().only(&[AMT, ZK]).radio(Receiver::new(protocol))
+    Run::new(board, image).quick_engines().only(&[AMT, zk(board).port]).radio(Receiver::new(protocol))
 }
 
 /// 50.0 %, to the resolution of both protocols.
@@ -79,8 +91,8 @@ pub fn is_half(order: Order) -> bool {
 /// and plugged in again, and the switch goes to stop.
 #[test]
 fn stick_and_switch_fly_two_turbines_and_a_lost_receiver_is_silence_and_no_jump() {
-    on_each_board(|board| {
-        for which in BOTH {
+    on_all_boards(|board| {
+        for which in receivers(board) {
             const OFF: Nanos = 28 * SECOND;
             const BACK: Nanos = 31_500 * MILLIS;
             const AT_IDLE: Nanos = 33_500 * MILLIS;
@@ -88,7 +100,7 @@ fn stick_and_switch_fly_two_turbines_and_a_lost_receiver_is_silence_and_no_jump(
             const UNPLUGGED: Nanos = 36 * SECOND;
             const PLUGGED_IN: Nanos = 39_500 * MILLIS;
             const STOP: Nanos = 41 * SECOND;
-            let radio = board.radio;
+            let (radio, zk) = (board.radio, zk(board));
             let report = run(board, which)
                 .at(3 * SECOND, |bench| bench.radio().switch = Position::Standby)
                 .at(5 * SECOND, |bench| bench.radio().switch = Position::Run)
@@ -99,9 +111,9 @@ fn stick_and_switch_fly_two_turbines_and_a_lost_receiver_is_silence_and_no_jump(
                 .at(UP, |bench| bench.radio().stick = 50)
                 .at(UNPLUGGED, move |bench| bench.power(radio, false))
                 .at(PLUGGED_IN, move |bench| bench.power(radio, true))
-                .at(STOP, |bench| {
+                .at(STOP, move |bench| {
                     let left = bench.ecu::<AmtEcu>(AMT).turbine().phase();
-                    let phases = [left, bench.ecu::<ZkEcu>(ZK).turbine().phase()];
+                    let phases = [left, bench.ecu::<ZkEcu>(zk.port).turbine().phase()];
                     assert_eq!(phases, [Phase::Running; 2]);
                     bench.radio().switch = Position::Stop;
                 })
@@ -109,7 +121,7 @@ fn stick_and_switch_fly_two_turbines_and_a_lost_receiver_is_silence_and_no_jump(
                 .go();
             outputs::stop_closes_the_valves_within_10_ms(&report, which.0, STOP);
             let which = format!("{}, {:?}", board.name, which.0);
-            for (name, orders) in ["left", "booster"].into_iter().zip(orders(&report)) {
+            for (name, orders) in ["left", zk.name].into_iter().zip(orders(&report)) {
                 let orders_in = |from, to| orders.iter().filter(move |(at, _)| (from..to).contains(at));
                 let before = orders_in(0, 5 * SECOND).all(|(_, order)| !matches!(order, Order::Run(_)));
                 assert!(before, "{which}, {name}");
@@ -175,8 +187,8 @@ fn a_receiver_plugged_in_at_full_throttle_starts_nothing() {
 /// every run, with parity and both stop bits.
 #[test]
 fn the_port_of_a_receiver_has_its_line_settings() {
-    on_each_board(|board| {
-        for which in BOTH {
+    on_all_boards(|board| {
+        for which in receivers(board) {
             let port = *board.port(board.radio);
             let is_sbus = which.0 == Protocol::Sbus;
             let report = run(board, which).until(SECOND).at(SECOND / 2, move |bench| {
