@@ -309,20 +309,6 @@ impl Case<'_> {
                 self.verdict.exempt("AMT, a relight by the ECU while the wire to the node is cut", at - from);
                 continue;
             }
-            // Nor does a node that has lost its memory reply before it knows what the engine does.
-            let lost = h.resets.iter().rev().find(|reset| (sent..at).contains(&reset.up)).filter(|reset| {
-                self.traits().replies_only
-                    && reset.cause == Cause::PowerOn
-                    && reset.down <= sent + h.rules.period + 50 * MS
-                    && h.frames_within(reset.up, at).is_empty()
-                    && at < sent + h.rules.gives_up_after + SECOND
-                    && self.live.contains(sent)
-            });
-            if let Some(lost) = lost {
-                self.verdict
-                    .exempt("AMT, a relight by the ECU after the node lost its memory", at - lost.down);
-                continue;
-            }
             // An ECU that boots with run on its PWM input starts without a command, until the first frame on
             // the line.
             let booted = h
@@ -366,11 +352,18 @@ impl Case<'_> {
                 // What is not measured shows neither a cold exhaust nor a fall.
                 let measured = h.sensor.last_before(at).map_or(0, |(_, over)| over);
                 // Without a flame the shaft keeps turning for a while, and the engine may be reported as
-                // running.
-                let burnt = h.samples(out.saturating_sub(10 * SECOND), out);
-                let burnt = burnt
+                // running. So may one in a start: a node that has lost its memory cannot tell them apart.
+                let lit = self.live.last_before(out.saturating_sub(1)).map_or(out, |(lit, _)| lit);
+                let forgot = h
+                    .resets
                     .iter()
-                    .any(|sample| sample.lit && matches!(sample.phase, Phase::LearningIdle | Phase::Running));
+                    .any(|reset| reset.cause == Cause::PowerOn && (lit..out).contains(&reset.up));
+                let burnt = h.samples(out.saturating_sub(10 * SECOND), out);
+                let burnt = burnt.iter().any(|sample| match sample.phase {
+                    Phase::LearningIdle | Phase::Running => sample.lit,
+                    Phase::FuelRamp => sample.lit && forgot,
+                    _ => false,
+                });
                 // The ECU acts on what was sent before the fault cleared, also for a moment after that. It
                 // reports the fault a moment after the flame went out, or that it runs until then.
                 let ran = |sample: &Sample| {
