@@ -352,7 +352,7 @@ impl Case<'_> {
                 // What is not measured shows neither a cold exhaust nor a fall.
                 let measured = h.sensor.last_before(at).map_or(0, |(_, over)| over);
                 // Without a flame the shaft keeps turning for a while, and the engine may be reported as
-                // running. So may one in a start: a node that has lost its memory cannot tell them apart.
+                // running. So may one in a start: a node that has lost its memory takes it for a running one.
                 let lit = self.live.last_before(out.saturating_sub(1)).map_or(out, |(lit, _)| lit);
                 let forgot = h
                     .resets

@@ -65,7 +65,7 @@ fn amt_a_start_that_a_reset_cut_short_resumes_as_a_start() {
 }
 
 /// Error sets behind a reset in a start end it likewise, unless the exhaust burns: the ECU would light its engine once more when the fault
-/// clears, on the run from before the reset. What had reached running goes on in flight.
+/// clears, on the run from before the reset. An engine that had reached running continues in flight.
 #[test]
 fn amt_8_two_error_sets_behind_a_reset_end_a_start() {
     for (reached, egt, sets, order) in [
