@@ -1,6 +1,6 @@
 //! Servo pulses, up to four channels, each measured by a timer: the width of the pulse, and the time since the previous pulse.
 //!
-//! 800 to 2200 µs and 20 to 400 Hz are accepted. All else is silence: a receiver that is off, a loose wire, a servo tester
+//! 800 to 2200 µs and 20 to 400 Hz, within 1 %, are accepted. All else is silence: a receiver that is off, a loose wire, a servo tester
 //! between two pulses.
 
 use crate::channels::{Channels, Pulse};
@@ -11,8 +11,8 @@ use embassy_time::{Duration, Instant};
 /// Number of pulse channels.
 pub const PWM_CHANNELS: usize = 4;
 
-/// Accepted periods, in µs: 400 to 20 Hz.
-const PERIODS: core::ops::RangeInclusive<u32> = 2500..=50_000;
+/// Accepted periods, in µs: 400 to 20 Hz, and 1 % for the clock of the receiver.
+const PERIODS: core::ops::RangeInclusive<u32> = 2475..=50_500;
 /// Longest time between two pulses of a row. Their period is measured; this ends a row when the timer has missed a pulse.
 const MOST: Duration = Duration::from_millis(75);
 /// Time for which a channel keeps its value after its last pulse.

@@ -35,11 +35,14 @@ fn every_width_is_accepted_or_silence() {
 fn twenty_to_400_hz_is_accepted() {
     for (period, accepted) in [
         (0, false),
-        (2499, false),
+        (2474, false),
+        // A receiver whose clock is 1 % fast, and one that is 1 % slow.
+        (2475, true),
         (2500, true),
         (20_000, true),
         (50_000, true),
-        (50_001, false),
+        (50_500, true),
+        (50_501, false),
         (u32::MAX, false),
     ] {
         let mut pwm = Pwm::new();
