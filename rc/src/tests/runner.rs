@@ -363,7 +363,7 @@ fn what_was_received_is_counted_for_people() {
     assert!(damaged >= 1);
 
     let mut pulses = Input::Pwm(crate::pwm::Pwm::new());
-    for (number, width, period) in [(1, 1500, 20_000), (4, 1500, 20_000), (2, 2201, 20_000), (3, 1500, 2499)]
+    for (number, width, period) in [(1, 1500, 20_000), (4, 1500, 20_000), (2, 2201, 20_000), (3, 1500, 2474)]
     {
         pulses.pulse(at, number, width, period);
     }
