@@ -227,6 +227,11 @@ fn a_hot_start_is_a_fast_rise_of_temperature_in_a_start() {
 
 /// Lets the shaft run down from 20 000 rpm to 12 000 within 1.5 s, while the source commands `demand` of it.
 fn run_down(ecu: Ecu, before: &[u8], demand: u8) -> Vec<LimitKind> {
+    run_down_within(ecu, 30, before, demand)
+}
+
+/// The same within this number of frames.
+fn run_down_within(ecu: Ecu, frames: u32, before: &[u8], demand: u8) -> Vec<LimitKind> {
     let mut scenario = running(ecu, |limits| limits.low_rpm = Limit::NONE);
     scenario.values.rpm = Some(20_000);
     scenario.fly_us(run(50), Origin::Rc, 10 * SECOND);
@@ -234,13 +239,23 @@ fn run_down(ecu: Ecu, before: &[u8], demand: u8) -> Vec<LimitKind> {
     for percent in before {
         scenario.fly_us(run(*percent), Origin::Rc, 2 * COMMAND_PERIOD_US);
     }
-    for i in 1..=30 {
-        scenario.values.rpm = Some((20_000 - i * 8_000 / 30) / 500 * 500);
+    for i in 1..=frames {
+        scenario.values.rpm = Some((20_000 - i * 8_000 / frames) / 500 * 500);
         let _ = scenario.command(run(demand));
         scenario.pass_us(FRAME_PERIOD_US);
     }
     scenario.fly_us(run(demand), Origin::Rc, SECOND);
     scenario.limits()
+}
+
+/// A loss of 25 % within 2 s is a flame-out, and the same loss within a longer time is none.
+#[test]
+fn a_flame_out_is_a_loss_of_speed_within_2_s() {
+    for ecu in BOTH {
+        // At the end of 5 s the loss of the last 2 s is 21 %, and that of the 2.9 s that are remembered is 28 %.
+        assert_eq!(run_down_within(ecu, 50, &[], 50), [LimitKind::FlameOut], "{ecu:?}");
+        assert_eq!(run_down_within(ecu, 100, &[], 50), [], "{ecu:?}");
+    }
 }
 
 /// Flame-out: the speed falls without a command. After a lower demand, the fall was commanded.
@@ -405,6 +420,15 @@ fn a_change_that_no_turbine_makes_is_reported_after_two_frames() {
         let mut scenario = running(ecu, |limits| limits.flame_out = Limit::NONE);
         let reported = reported_after(&mut scenario, 2, values);
         assert_eq!(reported[0].0, LimitKind::Implausible, "{ecu:?}");
+        // Also behind a gap, once two speeds have agreed.
+        let mut scenario = running(ecu, |limits| limits.flame_out = Limit::NONE);
+        scenario.silent().fly_us(run(50), Origin::Rc, SECOND);
+        scenario.reports(Reports::Running).fly_us(run(50), Origin::Rc, SECOND);
+        scenario.values = values;
+        scenario.fly_us(run(50), Origin::Rc, 2 * FRAME_PERIOD_US);
+        assert_eq!(scenario.limits(), [LimitKind::Implausible], "{ecu:?}: behind a gap");
+        let mut scenario = running(ecu, |limits| limits.flame_out = Limit::NONE);
+        let reported = reported_after(&mut scenario, 2, values);
         assert!(reported[0].1 > 150_000 && reported[0].2 == 150_000);
 
         let mut scenario = running(ecu, |limits| limits.low_rpm = Limit::NONE);
