@@ -1,14 +1,18 @@
 //! Servo pulses on the timer of the board: an AMT and a ZK turbine by stick and switch, and wires that break, carry noise, or are plugged
 //! in at full throttle.
 
+use crate::mavlink;
 use crate::radio::{AMT, Order, ZK, is_half, order_at, orders, phases};
+use crate::reply_time::GARBAGE;
 use crate::support::on_each_board;
 use emulation::pins::{Level, Pin};
 use emulation::receiver::Position;
 use emulation::{Board, Image, PulseReceiver, Report, Run, turnaround};
-use sim::amt::AmtEcu;
+use sim::amt::{AmtConfig, AmtEcu, EngineModel};
 use sim::ecu::{MILLIS, Nanos, SECOND};
+use sim::line::Line;
 use sim::turbine::Phase;
+use sim::zk::{ZkConfig, ZkEcu};
 
 /// Both engines, at rest, and a receiver.
 fn run(board: &'static Board) -> Run {
@@ -186,15 +190,28 @@ fn a_broken_wire_and_pulses_that_no_receiver_sends_are_silence() {
     });
 }
 
-/// Noise on an input beside those in use, at 50 000 edges a second: its input rests, the others work, and every reply is in its window.
+/// Noise on an input beside those in use, at 50 000 edges a second, while every line is full: its input rests, the others work, every reply
+/// is in its window, and a stop closes the valve within 10 ms of the second pulse with it.
 #[test]
-fn noise_on_an_input_delays_no_reply_and_no_stick() {
+fn noise_on_an_input_beside_full_lines_delays_no_reply_no_stick_and_no_valve() {
     on_each_board(|board| {
         const NOISE: Nanos = 28 * SECOND;
         const STOP: Nanos = 32 * SECOND;
+        let line = Line::n1(2400);
+        let titan = AmtConfig { period: 48_017_000, ..AmtConfig::new(EngineModel::Titan) }.on(line);
+        // Engines on the other ports would start first.
+        let others = ["SERIAL3", "SERIAL4"];
         let report = flight(board)
             .tap(AMT)
-            .at(NOISE, |bench| bench.pulses().noise = Some(20_000))
+            .ecu("SERIAL3", line, AmtEcu::new(titan))
+            .ecu("SERIAL4", Line::n1(9600), ZkEcu::new(ZkConfig::new(4).on(Line::n1(9600))))
+            .ecu(board.telemetry.name, mavlink::LINE, mavlink::flood())
+            .at(MILLIS, move |bench| others.into_iter().for_each(|port| bench.power(port, false)))
+            .at(NOISE, move |bench| {
+                bench.pulses().noise = Some(20_000);
+                others.into_iter().for_each(|port| bench.power(port, true));
+                bench.babble("SERIAL4", Some(&GARBAGE));
+            })
             .at(30 * SECOND, |bench| bench.pulses().stick = 50)
             .at(STOP, |bench| bench.pulses().switch = Position::Stop)
             .until(33 * SECOND)
@@ -204,6 +221,13 @@ fn noise_on_an_input_delays_no_reply_and_no_stick() {
             let stop = orders.iter().any(|(at, order)| *at > STOP && *order == Order::Stop);
             assert!(stop, "{}, {name}", board.name);
         }
+        let valve = Pin::output(&report, Image::RadioPwm.outputs(board)[0]);
+        let changes = valve.changes(NOISE..report.at);
+        let [(closed, Level::Low)] = changes[..] else { panic!("{}: {changes:?}", board.name) };
+        // Frames are 20 ms apart. The switch is on channel 2, whose second pulse has ended by then.
+        let second = STOP + 45 * MILLIS;
+        println!("{}: closed {:.1} ms after the switch", board.name, (closed - STOP) as f64 / 1e6);
+        assert!((STOP..second + 10 * MILLIS).contains(&closed), "{}: {closed}", board.name);
         // The log shows it, and that the other pulses are good.
         let rests: Vec<Nanos> =
             report.lines("radio control: noise on a pulse input, ").map(|line| line.at).collect();
@@ -214,7 +238,11 @@ fn noise_on_an_input_delays_no_reply_and_no_stick() {
         let stats = report.ecu::<AmtEcu>(AMT).stats;
         assert!(stats.late == 0 && stats.none <= 1 && stats.unsolicited <= 1, "{}: {stats:?}", board.name);
         let all = turnaround::of(&report, AMT);
-        for (what, from, to) in [("pulses", SECOND, NOISE), ("noise", NOISE, report.at)] {
+        for (what, from, to) in [
+            ("pulses", SECOND, 8 * SECOND),
+            ("pulses, the telemetry line full", 8 * SECOND, NOISE),
+            ("pulses and noise, all lines full", NOISE, report.at),
+        ] {
             let those = all.iter().filter(|each| (from..to).contains(&each.frame_end));
             let worst = those.map(|each| each.ns).max().expect("a reply");
             println!("| {} | {what} | {worst} ns | load {:.1} % |", board.name, report.load());

@@ -420,13 +420,13 @@ fn a_change_that_no_turbine_makes_is_reported_after_two_frames() {
         let mut scenario = running(ecu, |limits| limits.flame_out = Limit::NONE);
         let reported = reported_after(&mut scenario, 2, values);
         assert_eq!(reported[0].0, LimitKind::Implausible, "{ecu:?}");
-        // Also behind a gap, once two speeds have agreed.
+        // After a gap too, behind two consistent speeds.
         let mut scenario = running(ecu, |limits| limits.flame_out = Limit::NONE);
         scenario.silent().fly_us(run(50), Origin::Rc, SECOND);
         scenario.reports(Reports::Running).fly_us(run(50), Origin::Rc, SECOND);
         scenario.values = values;
         scenario.fly_us(run(50), Origin::Rc, 2 * FRAME_PERIOD_US);
-        assert_eq!(scenario.limits(), [LimitKind::Implausible], "{ecu:?}: behind a gap");
+        assert_eq!(scenario.limits(), [LimitKind::Implausible], "{ecu:?}: after a gap");
         let mut scenario = running(ecu, |limits| limits.flame_out = Limit::NONE);
         let reported = reported_after(&mut scenario, 2, values);
         assert!(reported[0].1 > 150_000 && reported[0].2 == 150_000);
