@@ -85,6 +85,27 @@ fn each_source_has_its_own_timeout() {
     }
 }
 
+/// The same for an rpm, whose band is 5000 rpm.
+#[test]
+fn taking_over_an_rpm_is_bumpless() {
+    for (wanted, answer) in [
+        (54_900, Accepted::InForce),
+        (45_100, Accepted::InForce),
+        (55_100, Accepted::Held),
+        (44_900, Accepted::Held),
+    ] {
+        let mut scenario = Scenario::started(Ecu::Zk, rpm(50_000));
+        assert_eq!(
+            scenario.command_from(Command::Run(rpm(wanted)), Origin::Emergency),
+            Ok(answer),
+            "{wanted}"
+        );
+        scenario.fly_us(Command::Run(rpm(wanted)), Origin::Emergency, SECOND / 2);
+        let held = answer == Accepted::Held;
+        assert_eq!(scenario.order(), Order::Run(rpm(if held { 50_000 } else { wanted })), "{wanted}");
+    }
+}
+
 /// A source far from the throttle in force takes over only when it comes within the band, or has waited.
 #[test]
 fn taking_over_is_bumpless() {

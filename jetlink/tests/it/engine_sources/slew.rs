@@ -47,6 +47,22 @@ fn slew_limits_are_exact_to_the_tick_and_off_by_default() {
     assert_eq!(scenario.order(), Order::Run(rpm(ZK_IDLE + 64_000)));
 }
 
+/// A demand that rises after a take-over does so at `rise`, also where the slew is faster; at other times the slew applies.
+#[test]
+fn a_slew_that_is_faster_than_the_rise_applies_at_other_times() {
+    for ecu in BOTH {
+        let config = ecu.with(|s| s.slew.up = Some(1000));
+        let mut scenario = Scenario::started_with(ecu, config, percent(20));
+        scenario.fly_us(run(20), Origin::Rc, 5 * SECOND);
+        scenario.fly_us(run(70), Origin::Rc, SECOND / 4);
+        assert!((400..=460).contains(&scenario.tenths()), "{ecu:?}: {} at 100 % a second", scenario.tenths());
+        scenario.fly_us(run(20), Origin::Rc, SECOND);
+        // Another source takes over, after its wait of 2 s.
+        scenario.fly_us(run(70), Origin::Emergency, 2 * SECOND + SECOND / 4);
+        assert!((280..=330).contains(&scenario.tenths()), "{ecu:?}: {} at 50 % a second", scenario.tenths());
+    }
+}
+
 /// A slow slew delays neither a stop nor standby, nor the fail-safe beyond its own ramp.
 #[test]
 fn slew_delays_no_stop_and_no_fail_safe() {
