@@ -1,6 +1,7 @@
 //! A demand that takes over rises at the rate.
 
 use super::*;
+use crate::support::scenario::ZK_IDLE;
 
 /// MAVLink commands 100 %, and the first throttle sent is below 20 %.
 fn mavlink_takes_over_from_a_low_throttle(scenario: &mut Scenario) {
@@ -225,5 +226,18 @@ fn an_rpm_that_waited_for_the_version_does_not_jump() {
         assert!(!waits || in_force.get() < TURNING + 10_000, "{in_force:?}");
         scenario.fly_us(full, Origin::Rc, 3 * SECOND);
         assert_eq!(scenario.order(), Order::Run(rpm(150_000)));
+    }
+}
+
+/// In doubt, an rpm in force falls to the idle rpm where a throttle is commanded in its place, and does not rise.
+#[test]
+fn zk_a_throttle_in_doubt_lowers_an_rpm_to_idle() {
+    for commanded in [0, 80] {
+        let mut scenario = Scenario::started(Ecu::Zk, rpm(100_000));
+        scenario.fly_us(Command::Run(rpm(100_000)), Origin::Rc, SECOND);
+        scenario.silent().fly_us(Command::Run(rpm(100_000)), Origin::Rc, SECOND);
+        assert_eq!(scenario.order(), Order::Doubt(rpm(100_000)));
+        scenario.fly_us(run(commanded), Origin::Rc, SECOND / 2);
+        assert_eq!(scenario.order(), Order::Doubt(rpm(ZK_IDLE)), "{commanded} %");
     }
 }
