@@ -47,7 +47,7 @@ pub const ENGINES: [EngineConfig; count()] = {
     }
 };
 
-/// Number of the engines above: from the number of ports of the board (build.rs); without a board there are six.
+/// Number of the engines above, from that of the ports of the board (build.rs): six without a board.
 #[cfg(any(feature = "all-ports", feature = "radio-sbus"))]
 const fn count() -> usize {
     let ports = match option_env!("JETLINK_PORTS") {

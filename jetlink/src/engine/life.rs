@@ -598,13 +598,10 @@ impl Finding {
                     _ => Found::Nothing,
                 }
             }
-            Observation::Faulted { .. } if exhaust == Burning::Yes => {
-                self.ending.reset();
-                if self.flew() { Found::Burning } else { Found::Nothing }
-            }
-            // As without a reset, a start ends: the ECU could start the engine again when the fault clears.
+            Observation::Faulted { .. } if self.flew() && exhaust == Burning::Yes => Found::Burning,
+            // As without a reset, a start ends, unless the engine may burn: the ECU could start it again when the fault clears.
             Observation::Faulted { .. } if self.started.is_some() => {
-                self.ending.count(true);
+                self.ending.count(exhaust == Burning::No);
                 if self.ending.reached(AGREEING) { Found::NotRunning } else { Found::Nothing }
             }
             _ => Found::Nothing,

@@ -11,8 +11,8 @@ use embassy_time::Instant;
 
 /// Largest difference between the reported and the ordered throttle, in 0.1 %.
 const OBEY_BAND: u16 = 100;
-/// A shaft that is faster than an ordered rpm by more than one part in 10 of it does not follow yet.
-const RPM_BAND: u32 = 10;
+/// A shaft that is faster than an ordered rpm by more than one part in 20 of it does not follow yet: less is no flame-out (5 %).
+const RPM_BAND: u32 = 20;
 
 impl Engine {
     /// Orders the demand after ramps, slew and limits.
@@ -134,7 +134,10 @@ impl Engine {
     /// Whether a running ECU reports more than it is ordered: a higher throttle or, where it controls the speed itself, a faster shaft.
     pub(super) fn reports_more(&self, now: Instant) -> bool {
         if let Order::Run(Demand::Rpm(ordered)) = self.ordered.order {
-            let reported = self.link.status().report.rpm.filter(|rpm| rpm.age(now) <= REPORT_MAX_AGE);
+            let report = &self.link.status().report;
+            let reported = report.rpm.filter(|rpm| rpm.age(now) <= REPORT_MAX_AGE);
+            // It turns no slower than at idle.
+            let ordered = report.idle_rpm.map_or(ordered, |idle| ordered.max(idle.value));
             return self.phase() == Some(Phase::Running)
                 && reported.is_some_and(|rpm| {
                     rpm.value.get() > ordered.get().saturating_add(ordered.get() / RPM_BAND)
