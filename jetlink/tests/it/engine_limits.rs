@@ -343,6 +343,9 @@ fn zk_an_rpm_that_the_ecu_follows_late_explains_a_fall_then() {
         (6, 40_000, 40_000, 20_000, &[LimitKind::FlameOut]),
         (14, 40_000, 100_000, 40_000, &[]),
         (30, 40_000, 100_000, 40_000, &[LimitKind::FlameOut]),
+        // 2 % of the nominal maximum is the noise of a stick, and explains nothing.
+        (1, 98_000, 98_000, 40_000, &[LimitKind::FlameOut]),
+        (1, 96_000, 96_000, 40_000, &[]),
         // At idle, with less ordered.
         (8, ZK_IDLE - 2000, ZK_IDLE, 0, &[LimitKind::FlameOut]),
     ] {
