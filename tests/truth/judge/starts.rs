@@ -569,7 +569,12 @@ impl Case<'_> {
         let seen = |sample: &&Sample| sample.egt < h.rules.burning - BURNS && self.trusts_exhaust(sample.at);
         let cold = samples.iter().find(seen).map_or(at, |cold| cold.at + LOWERED);
         if let Some(lowered) = self.last_lowered(out.saturating_sub(LOWERED), at) {
-            return cold.max(lowered + LOWERED);
+            // A cold exhaust that a lower demand explained until the thermocouple broke proves nothing behind it, and a fall does.
+            let over = h.sensor.last_before(at).map(|(_, over)| over);
+            return match over.filter(|_| broke.is_some_and(|broke| broke <= lowered + LOWERED)) {
+                Some(over) => self.fallen(over, at).unwrap_or(at),
+                None => cold.max(lowered + LOWERED),
+            };
         }
         // A node that was reset has to see the fall again.
         let up = h.resets.iter().map(|reset| reset.up).filter(|up| *up <= at).max().unwrap_or_default();

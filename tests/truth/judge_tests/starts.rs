@@ -501,6 +501,18 @@ fn an_exhaust_that_falls_ends_the_run_of_an_engine_with_error_sets() {
     story(50.0, false).with(|h| h.sensor = Spans::from(&[(39 * SECOND, 70 * SECOND)])).passes();
     // Once it was broken, a cold value proves nothing before it has been hot.
     story(69.0, true).with(|h| h.sensor = Spans::from(&[(50 * SECOND, 52 * SECOND)])).passes();
+    // Nor one that was cold before, as long as a lower demand explained that (813001762). A fall shows it behind it.
+    let explained = |sent_until: f64, broken: bool, degrees_per_s: f64| {
+        let cold = move |h: &mut History| {
+            for sample in h.samples.iter_mut().filter(|sample| sample.at >= 40 * SECOND) {
+                sample.egt = 270.0 - degrees_per_s * (sample.at - 40 * SECOND) as f64 / SECOND as f64;
+            }
+            h.sensor = if broken { Spans::from(&[(43 * SECOND, 46 * SECOND)]) } else { Spans::default() };
+        };
+        story(sent_until, true).with(cold).finds(Rule::RunAtRest)
+    };
+    assert!(explained(50.0, false, 5.0) && !explained(50.0, true, 5.0));
+    assert!(!explained(49.0, true, 20.0) && explained(56.0, true, 20.0));
 }
 
 #[test]
