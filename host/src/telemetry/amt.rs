@@ -38,6 +38,21 @@ pub struct Amt {
     engine: Option<amt::EngineModel>,
 }
 
+impl Amt {
+    /// What normal and error sets end with.
+    fn measured<M: SerializeMap>(
+        &self,
+        egt: amt::EgtByte,
+        throttle: amt::ThrottleByte,
+        vout: u8,
+        map: &mut M,
+    ) -> Result<(), M::Error> {
+        map.serialize_entry("egt_c", &tenths(egt.celsius().tenths()))?;
+        map.serialize_entry("throttle_pct", &tenths(throttle.tenths()))?;
+        map.serialize_entry("vout_v", &amt_volts(vout, self.engine.and_then(amt::EngineModel::vout_scale)))
+    }
+}
+
 impl Telemetry for Amt {
     type Frame = (amt::Frame, amt::Message);
     type Hint = AmtHint;
@@ -127,23 +142,13 @@ impl Telemetry for Amt {
                 map.serialize_entry("state_code", &state.code())?;
                 map.serialize_entry("state", &state.name())?;
                 map.serialize_entry("rpm", &step.map(|step| u32::from(rpm) * step))?;
-                map.serialize_entry("egt_c", &tenths(egt.celsius().tenths()))?;
-                map.serialize_entry("throttle_pct", &tenths(throttle.tenths()))?;
-                map.serialize_entry(
-                    "vout_v",
-                    &amt_volts(vout, self.engine.and_then(amt::EngineModel::vout_scale)),
-                )?;
+                self.measured(egt, throttle, vout, map)?;
             }
             amt::Message::Error { errors, egt, throttle, vout } => {
                 map.serialize_entry("engine", &self.engine.map(amt::EngineModel::name))?;
                 map.serialize_entry("errors", &errors.names().collect::<Vec<_>>())?;
                 map.serialize_entry("error_bits", &errors.0)?;
-                map.serialize_entry("egt_c", &tenths(egt.celsius().tenths()))?;
-                map.serialize_entry("throttle_pct", &tenths(throttle.tenths()))?;
-                map.serialize_entry(
-                    "vout_v",
-                    &amt_volts(vout, self.engine.and_then(amt::EngineModel::vout_scale)),
-                )?;
+                self.measured(egt, throttle, vout, map)?;
             }
             amt::Message::Alternate { engine_id, idle, max, battery, external } => {
                 let rpm_voltage = self.engine.and_then(amt::EngineModel::vout_scale);
