@@ -85,7 +85,7 @@ fn each_source_has_its_own_timeout() {
     }
 }
 
-/// The same for an rpm, whose band is 5000 rpm.
+/// A source takes over at once within 5000 rpm of the rpm in force, and another one waits.
 #[test]
 fn taking_over_an_rpm_is_bumpless() {
     for (wanted, answer) in [
