@@ -61,7 +61,7 @@ pub(super) struct Exhaust {
     falling: Consecutive,
     /// It fell by at least 4 °C/s in the last interval.
     cools: bool,
-    /// Time for which lower demands have excused a fall, and the last time that was looked at.
+    /// Time for which lower demands have excused a cold exhaust, and the last time that was looked at.
     excused: Duration,
     seen: Option<Instant>,
     /// The sensor jumped, or gave what none can: a cold value is accepted again only after two hot ones, or a fall of 15 °C/s for 3 s.
@@ -109,7 +109,7 @@ impl Exhaust {
 
     /// Takes one value; `None` where the ECU reports its sensor as faulty.
     pub fn observe(&mut self, now: Instant, egt: Option<Celsius>, fall: Fall) {
-        let commanded = self.excuse(now, fall);
+        let commanded = self.excuse(now, egt, fall);
         let Some(egt) = egt else {
             // Values from before and after its fault have to fit together, as any two have.
             *self = Self { distrusted: self.distrusted, last: self.last, ..self.unread() };
@@ -165,13 +165,18 @@ impl Exhaust {
         self.mark = Some((now, egt));
     }
 
-    /// Whether a lower demand excuses a fall. The excuse is used up by as much time as it was needed for, and comes back by as much
-    /// as it was not: a demand that goes up and down does not excuse a cold exhaust forever.
-    fn excuse(&mut self, now: Instant, fall: Fall) -> bool {
+    /// Whether a lower demand excuses a fall. A cold exhaust uses up the excuse by as much time as it needed it, and any other time
+    /// brings back as much: a demand that goes up and down does not excuse a cold exhaust forever, and a hot one may fall with a slow slew
+    /// for as long as that goes down.
+    fn excuse(&mut self, now: Instant, egt: Option<Celsius>, fall: Fall) -> bool {
         let passed = self.seen.replace(now).map_or(0, |seen| now.saturating_duration_since(seen).as_ticks());
         let used = self.excused.as_ticks();
-        let used =
-            if fall == Fall::Expected { used.saturating_add(passed) } else { used.saturating_sub(passed) };
+        let cold = egt.is_none_or(|egt| egt <= self.limit);
+        let used = if cold && fall == Fall::Expected {
+            used.saturating_add(passed)
+        } else {
+            used.saturating_sub(passed)
+        };
         self.excused = Duration::from_ticks(used.min(EXCUSED_MAX.as_ticks()));
         fall != Fall::NotExpected && self.excused < EXCUSED_MAX
     }
@@ -265,6 +270,24 @@ mod tests {
                 exhaust.observe(at(millis), Some(Celsius::from_tenths(1000)), fall);
             }
             assert_eq!(exhaust.burning(), burning, "{fall:?}");
+        }
+    }
+
+    #[test]
+    fn a_hot_exhaust_uses_up_nothing_of_its_excuse_and_a_cold_one_all_of_it() {
+        for (first, before, then) in
+            [(700, Burning::Yes, Burning::Yes), (290, Burning::NotKnown, Burning::No)]
+        {
+            let mut exhaust = limit();
+            let mut lowered = |from: u64, until: u64, fall: i16| {
+                for millis in (from..until).step_by(125) {
+                    let egt = Celsius::from_tenths(first * 10 - (millis - from) as i16 / 100 * fall);
+                    exhaust.observe(at(millis), Some(egt), Fall::Expected);
+                }
+                exhaust.burning()
+            };
+            assert_eq!(lowered(0, 15_000, 0), before, "{first} °C");
+            assert_eq!(lowered(15_000, 20_000, 20), then, "{first} °C, and a fall of 20 °C/s");
         }
     }
 
