@@ -1,7 +1,7 @@
 //! The log of a world.
 
 use crate::context::Judged;
-use crate::history::{Cause, PilotCommand, SECOND, Sent, Switch};
+use crate::history::{Cause, PilotCommand, Pin, SECOND, Sent, Switch};
 use crate::judge::seconds;
 use crate::worlds::World;
 use sim::turbine::Phase;
@@ -96,6 +96,14 @@ fn lines(engine: &Judged) -> Vec<(u64, String)> {
                 format!("    turbine: {}, {:.0} rpm, {:.0} °C", sample.phase.name(), sample.rpm, sample.egt),
             ));
         }
+    }
+    for (at, pin) in &history.pin {
+        let pin = match pin {
+            Pin::Floats => "floats",
+            Pin::Closed => "closed",
+            Pin::Open => "open",
+        };
+        lines.push((*at, format!("    valve: {pin}")));
     }
     for reset in &history.resets {
         let retained = if reset.cause == Cause::PowerOn { "nothing retained" } else { "memory whole" };

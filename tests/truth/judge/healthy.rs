@@ -357,12 +357,6 @@ impl Case<'_> {
         if resets.len() >= 3 && rules.standby_after.is_some() {
             return true;
         }
-        // A loop of resets that is too short to listen ends in standby after 10 s without a source.
-        if resets.last().is_some_and(|up| at < up + 3 * SECOND)
-            && at + slack + resets.len() as u64 * 200 * MS >= received + 10 * SECOND
-        {
-            return true;
-        }
         // With faults and a broken thermocouple, nothing shows whether an AMT engine runs.
         let unreadable = self.traits().faults_hide_state
             && h.sensor.touches(at.saturating_sub(SECOND), at)
@@ -376,6 +370,15 @@ impl Case<'_> {
             && last_up.is_some_and(|up| self.faults.within(up, at) + 200 * MS >= at - up);
         let hidden =
             unreadable || no_state || self.blind.union(&h.noise).union(&self.down).touches(silent_since, at);
+        // A loop of resets that is too short to listen ends in standby after 10 s without a source. So it does after its end, where
+        // nothing shows that the engine runs: from the third reset on, the silence before them counts as that of the fail-safe stage.
+        let in_a_loop = resets.last().is_some_and(|up| at < up + 3 * SECOND);
+        let unseen = self.blind.union(&h.noise).touches(at.saturating_sub(SECOND), at);
+        if (in_a_loop || resets.len() >= 3 && unseen)
+            && at + slack + resets.len() as u64 * 200 * MS >= received + 10 * SECOND
+        {
+            return true;
+        }
         let last_stage = match (rules.standby_after, hidden) {
             (Some(after), true) => Some(after.min(10 * SECOND)),
             (None, true) => Some(10 * SECOND),

@@ -100,6 +100,9 @@ impl Case<'_> {
             // the wire.
             let and_next = h.frames_within(at.saturating_sub(NOT_OBEYED), at + LATE + 2 * h.rules.period);
             let ended = and_next.iter().any(|frame| frame.sent.switch() == Some(Switch::Standby));
+            // While a wire is cut, an AMT ECU gets no reply: the order in force shows when it does again.
+            let later = &h.frames[h.frames.partition_point(|frame| frame.at < at)..];
+            let ended = ended || later.iter().find_map(|frame| frame.sent.switch()) == Some(Switch::Standby);
             if begins.is_some_and(|reset| self.failed_before(reset.up, COUNTS_MORE) >= MAY_CLOSE) {
                 self.verdict.exempt("the firmware failed in repeated starts", at - known);
                 continue;
@@ -194,15 +197,20 @@ impl Case<'_> {
         self.longest_received(began, until) >= self.two_states() + LATE
     }
 
-    /// An engine that run on the wire lights has its valve open.
+    /// An engine that run on the wire lights has its valve open. Behind failed starts of the firmware, one that nobody starts has it
+    /// closed, whatever its ECU does on the run that it is sent.
     fn starts_find_it_open(&mut self) {
         let h = self.h;
         let closed = h.pin_is(Pin::Closed);
+        let starts = self.pairs();
         for (at, mark) in &h.marks {
             let since = at.saturating_sub(SECOND);
             let frames = h.frames_within(since, *at);
             let run = frames.iter().rev().find_map(|frame| frame.sent.switch()) == Some(Switch::Run);
-            if *mark == Mark::Ignition && run && closed.within(since, at + LATE) == SECOND + LATE {
+            let failed = h.resets.iter().map(|reset| reset.up).filter(|up| up <= at);
+            let failed = failed.filter(|up| self.failed_before(*up, COUNTS_MORE) >= MAY_CLOSE).max();
+            let is_cut = failed.is_some_and(|up| !starts.iter().any(|start| (up..=*at).contains(&start.at)));
+            if *mark == Mark::Ignition && run && !is_cut && closed.within(since, at + LATE) == SECOND + LATE {
                 self.verdict.finding(Rule::ShutValve, *at, "a start, and the valve is closed");
             }
         }

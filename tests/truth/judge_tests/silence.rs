@@ -111,6 +111,26 @@ fn with_all_sources_silent_the_demand_goes_to_the_fail_safe() {
     starting(59.0).breaks(&[Rule::SilentTurbine]);
 }
 
+/// Behind three resets without a source the fail-safe stage counts from the silence on, also where they are over (814001700).
+#[test]
+fn behind_three_resets_in_a_silence_an_engine_that_is_not_received_is_shut_down_after_10_s() {
+    let story = |resets: u64, cut: bool, ends: f64| {
+        let story = flight(ZK5, 40.0).turbine(40.0, 65.0, Phase::Running, 100_000.0, 500.0);
+        let story = story.with(|h| {
+            h.rules.hold = 8 * SECOND;
+            let reset = |i: u64| 40_200 * MS + i * 700 * MS;
+            let reset = |i| Reset { down: reset(i), up: reset(i) + 20 * MS, cause: Cause::Watchdog };
+            h.resets.extend((0..resets).map(reset));
+            if cut {
+                h.mute = Spans::from(&[(41 * SECOND, 65 * SECOND)]);
+            }
+        });
+        story.wire(40.0, ends, HALF).wire(ends, 60.0, STANDBY).finds(Rule::ShutDown)
+    };
+    assert_eq!([story(3, true, 50.3), story(3, true, 48.0)], [false, true]);
+    assert_eq!([story(2, true, 50.3), story(3, false, 50.3)], [true, true]);
+}
+
 #[test]
 fn with_all_sources_silent_a_start_ends() {
     let story = |ends: f64| {

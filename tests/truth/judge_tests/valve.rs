@@ -64,6 +64,44 @@ fn a_start_finds_the_valve_open() {
     };
     late(4.01).passes();
     late(5.5).breaks(&[Rule::ShutValve]);
+    // Behind 10 s of failed starts of the firmware, an ECU that lights its engine again by itself finds it closed; a pilot does not.
+    let again = |failed: u64, by: Option<f64>| {
+        let relit = move |h: &mut History| {
+            let downs = (40_000 - failed..40_000).step_by(500);
+            let reset = |down: u64| Reset { down: down * MS, up: (down + 10) * MS, cause: Cause::Watchdog };
+            h.resets.extend(downs.map(reset));
+            h.marks.push((46 * SECOND, Mark::Ignition));
+        };
+        let story = flight(ZK5, 50.0).with(relit);
+        let story = match by {
+            None => story,
+            Some(at) => story.streams(PILOT + 1, at - 1.0, at, PilotCommand::Standby).once(
+                PILOT + 1,
+                at,
+                PilotCommand::Run(Demanded::Throttle(0)),
+            ),
+        };
+        pin(story, &[(39.52, Pin::Closed)]).finds(Rule::ShutValve)
+    };
+    assert_eq!(
+        [(15_000, None), (8_000, None), (15_000, Some(45.5))].map(|(failed, by)| again(failed, by)),
+        [false, true, true]
+    );
+}
+
+/// A limit shut the engine down, and the wires were cut before a reply said so: after the reset the first reply does (814002034).
+#[test]
+fn standby_that_no_reply_could_carry_closes_the_valve_after_a_reset() {
+    let story = |first: Sent| {
+        let cut = |h: &mut History| {
+            h.mute = Spans::from(&[(40 * SECOND, 43 * SECOND)]);
+            h.resets.push(Reset { down: micros(42.0), up: micros(42.1), cause: Cause::Watchdog });
+        };
+        let story = flight(AMT, 40.0).streams(PILOT, 40.0, 43.0, PilotCommand::Run(Demanded::Throttle(500)));
+        let story = story.turbine(40.0, 43.2, Phase::Running, 100_000.0, 500.0).wire(43.15, 43.3, first);
+        pin(story, &[(42.0, Pin::Floats), (42.1, Pin::Closed)]).with(cut).finds(Rule::CutOff)
+    };
+    assert_eq!([STANDBY, HALF].map(story), [false, true]);
 }
 
 #[test]
