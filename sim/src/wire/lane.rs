@@ -166,7 +166,8 @@ impl Lane {
 
     /// The next byte that has arrived by now.
     pub(super) fn arrived(&mut self, now: Nanos) -> Option<Arrival> {
-        self.arrivals.pop_front_if(|&mut (at, _)| at <= now).map(|(_, arrival)| arrival)
+        self.arrivals.front().filter(|(at, _)| *at <= now)?;
+        self.arrivals.pop_front().map(|(_, arrival)| arrival)
     }
 
     fn strikes(&mut self, per_million: u32) -> bool {
