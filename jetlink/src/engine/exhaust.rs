@@ -166,16 +166,15 @@ impl Exhaust {
     }
 
     /// Whether a lower demand excuses a fall. A cold exhaust uses up the excuse by as much time as it needed it, and any other time
-    /// brings back as much: a demand that goes up and down does not excuse a cold exhaust forever, and a hot one may fall with a slow slew
-    /// for as long as that goes down.
+    /// in which it is measured brings back as much: a demand that goes up and down does not excuse a cold exhaust forever, and a hot one may
+    /// fall with a slow slew for as long as that goes down.
     fn excuse(&mut self, now: Instant, egt: Option<Celsius>, fall: Fall) -> bool {
         let passed = self.seen.replace(now).map_or(0, |seen| now.saturating_duration_since(seen).as_ticks());
         let used = self.excused.as_ticks();
-        let cold = egt.is_none_or(|egt| egt <= self.limit);
-        let used = if cold && fall == Fall::Expected {
-            used.saturating_add(passed)
-        } else {
-            used.saturating_sub(passed)
+        let used = match egt.filter(|egt| Self::is_plausible(*egt)) {
+            Some(egt) if egt <= self.limit && fall == Fall::Expected => used.saturating_add(passed),
+            Some(_) => used.saturating_sub(passed),
+            None => used,
         };
         self.excused = Duration::from_ticks(used.min(EXCUSED_MAX.as_ticks()));
         fall != Fall::NotExpected && self.excused < EXCUSED_MAX
@@ -288,6 +287,31 @@ mod tests {
             };
             assert_eq!(lowered(0, 15_000, 0), before, "{first} °C");
             assert_eq!(lowered(15_000, 20_000, 20), then, "{first} °C, and a fall of 20 °C/s");
+        }
+    }
+
+    #[test]
+    fn an_exhaust_that_is_not_measured_neither_uses_up_its_excuse_nor_restores_it() {
+        let celsius = |celsius: i16| Some(Celsius::from_tenths(celsius * 10));
+        // 10 s with this value under lower demands, and then 5.5 s with a cold one.
+        for (value, used_up) in [(None, false), (celsius(-50), false), (celsius(290), true)] {
+            let mut exhaust = limit();
+            for millis in (0..10_000).step_by(125) {
+                exhaust.observe(at(millis), value, Fall::Expected);
+            }
+            for millis in (10_000..15_500).step_by(125) {
+                exhaust.observe(at(millis), celsius(290), Fall::Expected);
+            }
+            assert_eq!(exhaust.excused == EXCUSED_MAX, used_up, "{value:?}");
+        }
+        // Of 10 s that are used up, 8 s without a measurement bring back nothing, and 8 s that are hot do.
+        for (value, used_up) in [(None, true), (celsius(700), false)] {
+            let mut exhaust = limit();
+            for millis in (0..24_000).step_by(125) {
+                let value = if (10_000..18_000).contains(&millis) { value } else { celsius(290) };
+                exhaust.observe(at(millis), value, Fall::Expected);
+            }
+            assert_eq!(exhaust.excused == EXCUSED_MAX, used_up, "{value:?}");
         }
     }
 
