@@ -212,8 +212,8 @@ impl LimitMonitor {
             self.implausible = LimitState::WITHIN;
         }
 
-        // Without a configured limit the ECU's own figures apply.
-        let reported_max = report.max_rpm.map(|max| max.value.get() / 100 * 105);
+        // Without a configured limit the ECU's own figures apply. A maximum of 0 is none.
+        let reported_max = report.max_rpm.map(|max| max.value.get() / 100 * 105).filter(|max| *max > 0);
         let max = limits.over_speed.at.map(Rpm::get).or(reported_max).filter(|max| value > *max);
         let high = max.map(|max| LimitViolation::new(LimitKind::OverSpeed, value, max, now));
         self.over_speed.observe(high, found);

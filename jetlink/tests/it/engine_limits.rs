@@ -172,6 +172,20 @@ fn without_a_limit_the_engines_own_figures_apply() {
     assert_eq!(scenario.limits(), []);
 }
 
+/// A maximum of 0 is none: an engine is not shut down for it. The control: a maximum below its speed.
+#[test]
+fn a_reported_maximum_of_0_is_no_limit() {
+    for (thousands, order) in [(0, Order::Run(percent(50))), (10, Order::Standby)] {
+        let mut scenario = running(Ecu::Zk, |limits| limits.over_speed.action = Action::Standby);
+        scenario.values.rpm = Some(14_000);
+        for _ in 0..2 {
+            scenario.bench.receive(&zk_frames::status(6, 14_000, [thousands, 0, 5 << 2]));
+        }
+        scenario.fly_us(run(50), Origin::Rc, 2 * FRAME_PERIOD_US);
+        assert_eq!(scenario.order(), order, "{thousands} 000 rpm");
+    }
+}
+
 /// Hot start: the temperature rises too fast while it starts, and only then.
 #[test]
 fn a_hot_start_is_a_fast_rise_of_temperature_in_a_start() {
