@@ -7,6 +7,7 @@ mod channel;
 mod codec_props;
 mod config;
 mod engine_commands;
+mod engine_flame_out;
 mod engine_governor;
 mod engine_life;
 mod engine_limits;

@@ -12,6 +12,7 @@ mod identity;
 mod mutated;
 mod packets;
 mod parameters;
+mod repeats;
 #[cfg(feature = "signing")]
 mod signing;
 mod store;

@@ -1,0 +1,179 @@
+//! The limit of flame-outs: a loss of speed that nobody commanded, and what explains one.
+
+use jetlink::command::{Command, Order, Origin};
+use jetlink::limit::{Limit, LimitKind};
+
+use crate::engine_limits::{burns, running};
+use crate::support::frames::zk as zk_frames;
+use crate::support::scenario::{
+    BOTH, COMMAND_PERIOD_US, Ecu, FRAME_PERIOD_US, Reports, SECOND, Scenario, ZK_IDLE, rpm, run,
+};
+
+/// Lets the shaft run down from 20 000 rpm to 12 000 within 1.5 s, while the source commands `demand` of it.
+fn run_down(ecu: Ecu, before: &[u8], demand: u8) -> Vec<LimitKind> {
+    run_down_within(ecu, 30, before, demand)
+}
+
+/// The same within this number of frames.
+fn run_down_within(ecu: Ecu, frames: u32, before: &[u8], demand: u8) -> Vec<LimitKind> {
+    let mut scenario = running(ecu, |limits| limits.low_rpm = Limit::NONE);
+    scenario.values.rpm = Some(20_000);
+    scenario.fly_us(run(50), Origin::Rc, 10 * SECOND);
+    scenario.bench.events();
+    for percent in before {
+        scenario.fly_us(run(*percent), Origin::Rc, 2 * COMMAND_PERIOD_US);
+    }
+    for i in 1..=frames {
+        scenario.values.rpm = Some((20_000 - i * 8_000 / frames) / 500 * 500);
+        let _ = scenario.command(run(demand));
+        scenario.pass_us(FRAME_PERIOD_US);
+    }
+    scenario.fly_us(run(demand), Origin::Rc, SECOND);
+    scenario.limits()
+}
+
+/// A loss of 25 % within 2 s is a flame-out, and the same loss within a longer time is none.
+#[test]
+fn a_flame_out_is_a_loss_of_speed_within_2_s() {
+    for ecu in BOTH {
+        // At the end of 5 s the loss of the last 2 s is 21 %, and that of the 2.9 s that are remembered is 28 %.
+        assert_eq!(run_down_within(ecu, 50, &[], 50), [LimitKind::FlameOut], "{ecu:?}");
+        assert_eq!(run_down_within(ecu, 100, &[], 50), [], "{ecu:?}");
+    }
+}
+
+/// Flame-out: the speed falls without a command. After a lower demand, the fall was commanded.
+#[test]
+fn a_flame_out_is_a_fall_of_speed_without_a_command() {
+    for ecu in BOTH {
+        assert_eq!(run_down(ecu, &[], 50), [LimitKind::FlameOut], "{ecu:?}");
+        assert_eq!(run_down(ecu, &[], 20), [], "{ecu:?}: it was commanded");
+        // A higher demand does not explain it, and neither does the noise of a stick.
+        assert_eq!(run_down(ecu, &[], 60), [LimitKind::FlameOut], "{ecu:?}");
+        assert_eq!(run_down(ecu, &[51, 50, 51, 50, 51, 50], 50), [LimitKind::FlameOut], "{ecu:?}");
+        // A slowly lowered demand does.
+        assert_eq!(run_down(ecu, &[49, 48, 47, 46, 45, 44], 43), [], "{ecu:?}");
+    }
+}
+
+/// A demand lowered in a gap reaches the ECU only afterwards: then it explains a falling shaft speed.
+#[test]
+fn zk_a_demand_that_was_lowered_in_a_gap_explains_a_fall_after_it() {
+    for (in_gap, limits) in [(20, &[][..]), (50, &[LimitKind::FlameOut])] {
+        let mut scenario = running(Ecu::Zk, |limits| limits.low_rpm = Limit::NONE);
+        scenario.values.rpm = Some(20_000);
+        scenario.fly_us(run(50), Origin::Rc, 10 * SECOND);
+        scenario.silent().fly_us(run(50), Origin::Rc, SECOND);
+        scenario.fly_us(run(in_gap), Origin::Rc, 20 * SECOND);
+        assert!(matches!(scenario.order(), Order::Doubt(_)), "{:?}", scenario.order());
+        scenario.reports(Reports::Running).fly_us(run(in_gap), Origin::Rc, SECOND / 2);
+        assert!(matches!(scenario.order(), Order::Run(_)), "{:?}", scenario.order());
+        scenario.bench.events();
+        for i in 1..=30 {
+            scenario.values.rpm = Some((20_000 - i * 8_000 / 30) / 500 * 500);
+            let _ = scenario.command(run(in_gap));
+            scenario.pass_us(FRAME_PERIOD_US);
+        }
+        scenario.fly_us(run(in_gap), Origin::Rc, SECOND);
+        assert_eq!(scenario.limits(), limits, "{in_gap} % in the gap");
+    }
+}
+
+/// A lower demand that does not reach the ECU for a while, which its reported throttle shows, explains a fall when it does; not for
+/// ever, and not where the ECU follows it at once.
+#[test]
+fn a_demand_that_the_ecu_follows_late_explains_a_fall_then() {
+    for ecu in BOTH {
+        for (late, follows, limits) in [
+            (6, false, &[][..]),
+            (6, true, &[LimitKind::FlameOut]),
+            (14, false, &[]),
+            (30, false, &[LimitKind::FlameOut]),
+        ] {
+            let mut scenario = running(ecu, |limits| limits.low_rpm = Limit::NONE);
+            // ZK: in ID 3, between the others.
+            let fly = |scenario: &mut Scenario, percent: u8, reported: u8| {
+                scenario.values.half_percents = reported * 2;
+                if ecu == Ecu::Zk {
+                    let rpm = scenario.values.rpm.unwrap_or_default();
+                    scenario.bench.receive(&zk_frames::status(3, rpm, [reported, 0, 0]));
+                }
+                let _ = scenario.command(run(percent));
+                scenario.pass_us(FRAME_PERIOD_US);
+            };
+            scenario.values.rpm = Some(20_000);
+            for _ in 0..200 {
+                fly(&mut scenario, 80, 80);
+            }
+            for _ in 0..late * 20 {
+                fly(&mut scenario, 20, if follows { 20 } else { 80 });
+            }
+            scenario.bench.events();
+            for i in 1..=30 {
+                scenario.values.rpm = Some((20_000 - i * 8_000 / 30) / 500 * 500);
+                fly(&mut scenario, 20, 20);
+            }
+            assert_eq!(scenario.limits(), limits, "{ecu:?}: after {late} s, follows at once: {follows}");
+        }
+    }
+}
+
+/// The same for an rpm, which an ECU controls itself: there, its shaft speed shows it. An ECU turns its engine no slower than at idle.
+#[test]
+fn zk_an_rpm_that_the_ecu_follows_late_explains_a_fall_then() {
+    for (late, ordered, from, to, limits) in [
+        (6, 40_000, 100_000, 40_000, &[][..]),
+        // It had followed at once.
+        (6, 40_000, 40_000, 20_000, &[LimitKind::FlameOut]),
+        (14, 40_000, 100_000, 40_000, &[]),
+        (30, 40_000, 100_000, 40_000, &[LimitKind::FlameOut]),
+        // 2 % of the nominal maximum is the noise of a stick, and explains nothing.
+        (1, 98_000, 98_000, 40_000, &[LimitKind::FlameOut]),
+        (1, 96_000, 96_000, 40_000, &[]),
+        // At idle, with less ordered.
+        (8, ZK_IDLE - 2000, ZK_IDLE, 0, &[LimitKind::FlameOut]),
+    ] {
+        let mut scenario = Scenario::started(Ecu::Zk, rpm(100_000));
+        let fly = |scenario: &mut Scenario, demand: u32, shaft: u32| {
+            scenario.values.rpm = Some(shaft);
+            let _ = scenario.command(Command::Run(rpm(demand)));
+            scenario.pass_us(FRAME_PERIOD_US);
+        };
+        for _ in 0..200 {
+            fly(&mut scenario, 100_000, 100_000);
+        }
+        assert_eq!(scenario.order(), Order::Run(rpm(100_000)));
+        for _ in 0..late * 20 {
+            fly(&mut scenario, ordered, from);
+        }
+        assert_eq!(scenario.order(), Order::Run(rpm(ordered)));
+        scenario.bench.events();
+        for i in 1..=30 {
+            fly(&mut scenario, ordered, from - (from - to) / 30 * i);
+        }
+        let mut found = scenario.limits();
+        found.retain(|kind| *kind == LimitKind::FlameOut);
+        assert_eq!(found, limits, "after {late} s, from {from} rpm to {to} rpm");
+    }
+}
+
+/// AMT error sets carry no shaft speed: a fall due to the demand meanwhile did not happen since the last of them.
+#[test]
+fn amt_a_fall_among_error_sets_is_no_flame_out() {
+    let fall = |fault: u8, lowered: u8| {
+        let mut scenario = running(Ecu::Amt, |limits| limits.low_rpm = Limit::NONE);
+        scenario.values.rpm = Some(20_000);
+        burns(&mut scenario);
+        scenario.fly_us(run(50), Origin::Rc, 10 * SECOND);
+        scenario.values.fault = fault;
+        scenario.fly_us(run(50), Origin::Rc, SECOND);
+        scenario.fly_us(run(lowered), Origin::Rc, 10 * SECOND);
+        scenario.bench.events();
+        (scenario.values.fault, scenario.values.rpm) = (0, Some(12_000));
+        scenario.fly_us(run(lowered), Origin::Rc, 2 * SECOND);
+        scenario.limits()
+    };
+    assert_eq!(fall(2, 20), []);
+    // Between two sets with a shaft speed, it is a flame-out.
+    assert_eq!(fall(0, 50), [LimitKind::FlameOut]);
+}
