@@ -268,7 +268,7 @@ fn engine_in_flight_resumes_after_a_loss_of_power_that_memory_survived() {
         world.boot_after_power_loss();
         world.pass_s(8.0);
         world.assert_not_shut_down(from);
-        assert_eq!(world.throttle_sent(0), Some(0), "nobody commands it: idle");
+        assert_eq!(world.throttle_sent(0), Some(0), "no source commands it: idle");
         world.streams(Rc, run(60));
         world.pass_s(8.0);
         assert_eq!(world.throttle_sent(0), Some(600));

@@ -330,6 +330,6 @@ pub fn commanded(command: Command) -> PilotCommand {
         Command::Present => PilotCommand::Nothing,
         Command::ShutDown => PilotCommand::ShutDown,
         Command::Service(service) => ecus::pilot_command(service),
-        other => panic!("nobody commands {other:?}"),
+        other => panic!("unexpected command: {other:?}"),
     }
 }

@@ -170,7 +170,7 @@ impl WorldConfig for ZkConfig {
 pub fn pilot_command(service: ZkService) -> PilotCommand {
     match service {
         ZkService::Action(action) => PilotCommand::Service(action.code()),
-        other => panic!("nobody commands {other}"),
+        other => panic!("unexpected service: {other}"),
     }
 }
 

@@ -308,7 +308,7 @@ impl Case<'_> {
         requested || self.silent_for_good(at)
     }
 
-    /// Whether nobody commands run, and the stages of loss have run out.
+    /// Whether no source commands run, and the stages of loss have run out.
     fn silent_for_good(&self, at: u64) -> bool {
         let h = self.h;
         let rules = &h.rules;

@@ -513,7 +513,7 @@ pub fn may_have_failed(history: &History) -> Spans {
     spans.union(&not_received).longer(5 * SECOND)
 }
 
-/// When another engine has failed for sure: it ran, nobody commanded it to stop, and it went out.
+/// When another engine has failed for sure: it ran, no stop was commanded, and it went out.
 pub fn failed_for_sure(other: &crate::history::History) -> Spans {
     let mut all = Vec::new();
     let command_log = CommandLog::new(other);

@@ -260,7 +260,7 @@ impl Case<'_> {
                     self.unexplained_run(words, at, tenths, stopped.filter(|stopped| *stopped >= up))
                 }
                 PilotCommand::Standby => match start {
-                    None => Some("a start that nobody commanded".to_string()),
+                    None => Some("an unsolicited start".to_string()),
                     Some((_, while_disarmed)) => self.unexplained_start(words, at, earliest, *while_disarmed),
                 },
                 PilotCommand::ShutDown => {
@@ -273,24 +273,24 @@ impl Case<'_> {
                     });
                     let unnamed = at < words.known && any(|word| word == Word::StopElsewhere);
                     let received = any(|word| word == Word::Stop) || unnamed;
-                    (!received && !long).then(|| "a stop that nobody commanded".into())
+                    (!received && !long).then(|| "an unsolicited stop".into())
                 }
                 PilotCommand::Stop => {
                     stopped = Some(at);
                     let received = any(|word| word == Word::EmergencyStop);
-                    (!received).then(|| "an emergency stop that nobody commanded".into())
+                    (!received).then(|| "an unsolicited emergency stop".into())
                 }
                 PilotCommand::Release => {
                     let received = any(|word| word == Word::Release);
-                    (!received).then(|| "a release that nobody commanded".into())
+                    (!received).then(|| "an unsolicited release".into())
                 }
                 PilotCommand::Service(number) => {
                     let received = words.now(at).any(|word| word == Word::Service(number));
-                    (!received).then(|| "a service that nobody commanded".into())
+                    (!received).then(|| "an unsolicited service".into())
                 }
                 PilotCommand::Ctf => {
                     let received = any(|word| word == Word::Ctf);
-                    (!received).then(|| "CTF that nobody commanded".into())
+                    (!received).then(|| "unsolicited CTF".into())
                 }
                 PilotCommand::Arm => {
                     let shown = words.may_show(earliest.saturating_sub(TICK), at, true);

@@ -98,7 +98,7 @@ impl Case<'_> {
             let until = next.map_or(h.end, |next| next.at).min(lost.map_or(h.end, |lost| lost.down));
             done = until;
             if let Some(frame) = h.first_run(at, until) {
-                let text = format!("run, and nobody has commanded it since standby at {}", seconds(since));
+                let text = format!("run, which was not commanded since standby at {}", seconds(since));
                 self.verdict.finding(Rule::Obeyed, frame.at, text);
             }
         }
@@ -113,7 +113,7 @@ impl Case<'_> {
         let long =
             age + rules.recover_after + rules.takeover + rules.hold + rules.lower_standby_after + OBEYS;
         let mut ends = Vec::new();
-        // Since when nobody has commanded anything else.
+        // Since when nothing else was commanded.
         let mut since = None;
         let mut streams = [false; 4];
         for commanded in &h.commanded {

@@ -114,7 +114,7 @@ impl Case<'_> {
                 at > run_out && !h.commanded(at - run_out, at).iter().any(|c| c.command.is_received());
             let given_up = begins.is_some() && silent;
             if !lost && !given_up && (run || !wanted && !ended) {
-                let why = if run { "run is on the wire" } else { "nobody commanded standby" };
+                let why = if run { "run is on the wire" } else { "standby was not commanded" };
                 self.verdict.finding(
                     Rule::CutOff,
                     at,

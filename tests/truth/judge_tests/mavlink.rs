@@ -58,7 +58,7 @@ fn a_start_is_what_somebody_commanded_of_an_armed_vehicle_at_idle() {
         words[place].1 = word;
         words
     };
-    assert!(breaks(&other(3, Word::Station), &COMMANDS), "nobody commanded it");
+    assert!(breaks(&other(3, Word::Station), &COMMANDS), "not commanded");
     assert!(breaks(&other(1, DISARMED), &COMMANDS), "one heartbeat is not armed");
     assert!(breaks(&other(2, output(400)), &COMMANDS), "the throttle is up");
     assert!(breaks(&other(2, Word::Station), &COMMANDS), "there is no stream");
@@ -139,7 +139,7 @@ fn a_stop_that_is_received_is_commanded_and_no_other() {
     let behind =
         |damaged: &[f64]| breaks_behind(damaged, &[&WORDS[..], &[(5.0, Word::Stop)]].concat(), &COMMANDS);
     assert_eq!([&[4.97][..], &[], &[5.1]].map(behind), [false, true, true]);
-    assert!(with(&[], &[stop]), "nobody commanded it");
+    assert!(with(&[], &[stop]), "not commanded");
     assert!(with(&[(5.0, Word::Stop), (6.0, output(0))], &[stop, (6.0, RUN)]), "nobody has started it since");
     assert!(!with(&[(5.0, Word::EmergencyStop)], &[(5.0, PilotCommand::Stop)]));
     assert!(with(&[(5.0, Word::EmergencyStop)], &[stop]), "less than an emergency stop");
@@ -155,7 +155,7 @@ fn a_stop_that_names_another_system_counts_where_the_node_has_no_id() {
     };
     let elsewhere = (5.0, Word::StopElsewhere);
     assert!(!breaks(true, &[elsewhere]) && breaks(false, &[elsewhere]));
-    assert!(breaks(true, &[(5.0, Word::Station)]), "nobody commanded it");
+    assert!(breaks(true, &[(5.0, Word::Station)]), "not commanded");
     // The node has answered the start, so it has an id.
     let answered = [&WORDS[..], &[elsewhere]].concat();
     assert!(breaks(true, &answered));

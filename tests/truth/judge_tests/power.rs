@@ -55,7 +55,7 @@ fn starter_has_power_when_its_engine_is_armed_and_not_before() {
     };
     disarmed(&[(10.05, Some(false))]).passes();
     disarmed(&[]).breaks(&[Rule::Power]);
-    // So it does after a loss of the node's power, where nobody commands anything any more.
+    // So it does after a loss of the node's power, where no commands follow.
     let takes_an_armed_ones = |cause| {
         let story = ready(ZK5).with(|h| {
             h.commanded.retain(|commanded| commanded.at < 3 * SECOND);

@@ -14,7 +14,7 @@ const IGNITES_WITHIN: Nanos = 2 * SECOND;
 /// Findings about one engine.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Verdict {
-    /// Ignitions while nobody commanded run.
+    /// Ignitions while no source commanded run.
     pub ignitions: u64,
     /// Emergency stops that came late on the wire, or not at all.
     pub late_stops: u64,

@@ -47,7 +47,7 @@ pub fn run(name: &str, script: &str) -> Result<Run, String> {
     run_with(name, script, &[])
 }
 
-/// The same, with commands that nobody has given.
+/// The same, with unsolicited commands.
 fn run_with(name: &str, script: &str, uncommanded: &[(f64, Command)]) -> Result<Run, String> {
     let path = std::env::temp_dir().join(format!("jetlink-judged-{}-{name}", std::process::id()));
     std::fs::write(&path, format!("{HEAD}{script}")).unwrap();
@@ -353,7 +353,7 @@ fn a_switch_that_was_at_stop_for_no_frame_is_no_late_stop() {
 
 /// Unsolicited actions of the node are found, whatever a pilot does at the same time.
 #[test]
-fn what_nobody_has_commanded_is_found_in_a_played_run() {
+fn unsolicited_commands_are_found_in_a_played_run() {
     // Between two commands of the player, and before a set of the AMT ECU.
     let standby = [(71.11, Command::Standby), (71.12, Command::Standby)];
     let throttle = [(71.11, Command::Run(Demand::Throttle(Throttle::from_percent(90).unwrap())))];

@@ -347,7 +347,7 @@ fn zk_8_a_hand_over_resumes_as_id_0_after_a_reset() {
         scenario.pass_us(9 * SECOND);
         assert_eq!(scenario.sent(), [], "{reset:?}");
         scenario.pass_us(51 * SECOND);
-        // Nobody commands, and nothing ends it but the engine.
+        // No source commands, and nothing ends it but the engine.
         assert_eq!(scenario.sent(), [], "{reset:?}: ID 0 only");
         scenario.reports(Reports::Running).pass_us(60 * SECOND);
         assert_eq!(scenario.sent(), [], "{reset:?}: it runs, and is not handed over again");

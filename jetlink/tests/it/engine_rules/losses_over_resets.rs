@@ -206,7 +206,7 @@ fn in_a_brown_out_loop_with_all_sources_silent_the_demand_falls_to_the_fail_safe
         }
         assert!(
             last.iter().all(|tenths| *tenths == 0),
-            "{ecu:?}: nobody has commanded for 30 s, and run is sent at {last:?}"
+            "{ecu:?}: no source has commanded for 30 s, and run is sent at {last:?}"
         );
     }
 }

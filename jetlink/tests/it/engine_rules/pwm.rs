@@ -53,7 +53,7 @@ fn zk_8_in_a_gap_nothing_hands_over() {
     assert!(scenario.sent().contains(&Wire::Pwm));
 }
 
-/// A brown-out under PWM: nobody commanded the engine over the wire, so jetlink must not take it and bring it to idle.
+/// A brown-out under PWM: the engine was not commanded over the wire, so jetlink must not take it and bring it to idle.
 #[test]
 fn after_a_brown_out_no_run_overrules_the_pilots_pwm() {
     let config = Ecu::Zk.config();

@@ -93,7 +93,7 @@ impl Oracle {
         {
             self.tally.healthy_ends += 1;
             if self.over.is_none() && !reason {
-                return Err(format!("(5) {frame} to an engine that runs, and nobody ended its run"));
+                return Err(format!("(5) {frame} to an engine that runs, and its run was not ended"));
             }
         }
         // A standby that takes effect is its source's own, and permits its next run.
