@@ -181,7 +181,7 @@ pub trait Link {
     fn gap_at(&self) -> Option<Instant>;
     /// Whether the ECU expects a reply to each of its frames and is sent nothing else (AMT).
     fn answers_frames(&self) -> bool;
-    /// Longest time without a reply after which the ECU stops its engine by itself (AMT): a life in doubt for that long loses
+    /// Longest time without a reply after which the ECU stops its engine uncommanded (AMT): a life in doubt for that long loses
     /// its order. `None`: not until its sources are silent and the stages of loss have run out.
     fn reply_timeout(&self) -> Option<Duration>;
     /// Time of the last frame that was replied to, since the node began; `None` without replies.

@@ -56,7 +56,7 @@ pub(crate) struct Cover {
     /// Why a save failed, for the waiting frames.
     failed: Option<NotSaved>,
     /// The failure that the last text reported.
-    said: Option<NotSaved>,
+    reported: Option<NotSaved>,
     /// An engine turned.
     turned: bool,
     /// Time of the next save at rest.
@@ -74,7 +74,7 @@ impl Cover {
             saving: None,
             waiting: Vec::new(),
             failed: None,
-            said: None,
+            reported: None,
             turned: false,
             next: now,
             refusing: None,
@@ -162,7 +162,7 @@ impl Cover {
         match result {
             Ok(()) => {
                 self.stored = self.stored.max(saving);
-                self.said = None;
+                self.reported = None;
             }
             Err(why) => self.failed = Some(why),
         }
@@ -170,8 +170,8 @@ impl Cover {
     }
 
     /// Whether a text has to report that a save failed: not once for each attempt.
-    pub fn says(&mut self, why: NotSaved) -> bool {
-        self.said.replace(why) != Some(why)
+    pub fn reports(&mut self, why: NotSaved) -> bool {
+        self.reported.replace(why) != Some(why)
     }
 
     /// The next frame that no longer waits, with its port.

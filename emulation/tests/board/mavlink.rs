@@ -463,10 +463,10 @@ fn engines_that_change_ports_and_protocols_are_wired_so_after_a_restart_by_comma
         for (name, value) in CHANGED {
             assert_eq!(client.value(NODE, name), Some(value), "{name}; {texts}");
         }
-        let said = |name: &str| {
+        let reported = |name: &str| {
             client.texts().iter().any(|text| text.starts_with(&format!("{name} takes effect at")))
         };
-        assert!(CHANGED.iter().all(|(name, _)| said(name)), "{texts}");
+        assert!(CHANGED.iter().all(|(name, _)| reported(name)), "{texts}");
         for (place, name, line) in [(0, "booster", "2400 baud, 8N1"), (3, "left", "115200 baud, 8N1")] {
             let text = format!("port {place}, ");
             let used: Vec<_> = report.lines(&text).filter(|log| log.at > REWIRED).collect();

@@ -7,7 +7,7 @@ use super::sample::Sample;
 use super::title::Title;
 use embassy_time::Instant;
 
-/// Largest number of notes that are kept.
+/// Largest number of notes that are stored.
 const MOST_NOTES: usize = 10_000;
 
 /// Something that happened.
@@ -51,7 +51,7 @@ pub struct Chronicle {
     pub first_mark: Option<f64>,
     /// All that happened, in sentences.
     pub notes: Vec<Note>,
-    /// Number of further notes that were not kept.
+    /// Number of further notes that were not stored.
     pub dropped: usize,
 }
 

@@ -64,7 +64,7 @@ fn most_urgent(
     if samples.iter().any(|sample| !sample.node_up) {
         return "the node restarts: nothing is received or sent until it is up".to_owned();
     }
-    // What a silent source leads to is said below.
+    // What a silent source leads to is written below.
     let by_hand = names.iter().zip(faults).enumerate().filter_map(|(engine, (name, faults))| {
         let fault = faults.iter().find(|fault| **fault != Fault::Silence)?;
         Some((*name, format!("{}, set by you; press {}f to end it", fault.name(), key(engine))))

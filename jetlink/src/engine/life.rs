@@ -220,7 +220,7 @@ impl Life {
         self.restarting
     }
 
-    /// Whether the ECU last reported that it lights the engine, which an engine that runs and turns may be by itself, too.
+    /// Whether the ECU last reported that it lights the engine. It may also do so uncommanded, while the engine runs and turns.
     pub const fn lights(&self) -> bool {
         self.lights
     }

@@ -264,7 +264,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         #[cfg(feature = "signing")]
         if self.cover.saved(result) {
             if let Err(why) = result
-                && self.cover.says(why)
+                && self.cover.reports(why)
             {
                 let text =
                     Verbatim("signing is not stored: a loss of power restores the previous key and time");

@@ -198,10 +198,10 @@ fn a_running_engine_runs_on_at_the_fail_safe_throttle() {
 
 #[cfg(feature = "signing")]
 #[test]
-fn it_is_said_on_every_port_until_it_is_confirmed() {
+fn damage_is_reported_on_every_port_until_it_is_confirmed() {
     run(async |world| {
         world.ready().await;
-        let said = |world: &World<'_>, at: usize| {
+        let reported = |world: &World<'_>, at: usize| {
             let frames = world.frames.borrow();
             let texts = frames.iter().skip(at).filter_map(|(_, port, frame)| match &frame.message() {
                 MavMessage::STATUSTEXT(text) if text.text.to_str().is_ok_and(|it| it.contains("DAMAGED")) => {
@@ -222,11 +222,11 @@ fn it_is_said_on_every_port_until_it_is_confirmed() {
             let last = last.unwrap();
             (last.custom_mode >> 24, last.system_status == SystemStatus::Critical as u8)
         };
-        assert_eq!((said(world, 0).len(), shown(world)), (0, (0, false)));
+        assert_eq!((reported(world, 0).len(), shown(world)), (0, (0, false)));
         world.service.borrow_mut().set_damaged(true);
         let at = world.frames.borrow().len();
         world.pass_s(25.0).await;
-        let ports = said(world, at);
+        let ports = reported(world, at);
         for port in [TO_AUTOPILOT, TO_GROUND] {
             assert_eq!(ports.iter().filter(|&&other| other == port).count(), 3, "{ports:?}");
         }
@@ -236,7 +236,7 @@ fn it_is_said_on_every_port_until_it_is_confirmed() {
         world.service.borrow_mut().rewritten(Instant::now(), Ok(()));
         let at = world.frames.borrow().len();
         world.pass_s(25.0).await;
-        assert_eq!((said(world, at).len(), shown(world)), (0, (0, false)));
+        assert_eq!((reported(world, at).len(), shown(world)), (0, (0, false)));
     });
 }
 

@@ -207,7 +207,7 @@ fn wiring_is_stored_with_the_node_and_is_as_before_if_it_cannot_be() {
 }
 
 #[test]
-fn wiring_that_contradicts_itself_is_said_on_every_port_and_engines_start_all_the_same() {
+fn wiring_that_contradicts_itself_is_reported_on_every_port_and_engines_start_all_the_same() {
     run(async |world| {
         world.ready().await;
         let mut stored = IMAGE;
@@ -224,11 +224,11 @@ fn wiring_that_contradicts_itself_is_said_on_every_port_and_engines_start_all_th
                 }
                 _ => None,
             });
-            let said: Vec<_> =
+            let reported: Vec<_> =
                 texts.filter(|(_, text)| text.starts_with("right: wiring as in the image")).collect();
             assert!(
-                (2..=3).contains(&said.len()) && said.iter().all(|(severity, _)| *severity == 3),
-                "{said:?}"
+                (2..=3).contains(&reported.len()) && reported.iter().all(|(severity, _)| *severity == 3),
+                "{reported:?}"
             );
         }
         assert!(
@@ -246,10 +246,10 @@ fn wiring_that_contradicts_itself_is_said_on_every_port_and_engines_start_all_th
         world.service.borrow_mut().set_wiring(&IMAGE, &IMAGE, None);
         world.pass_s(25.0).await;
         let frames = world.frames.borrow();
-        let said = frames.iter().skip(at).any(|(_, _, frame)| {
+        let reported = frames.iter().skip(at).any(|(_, _, frame)| {
             matches!(&frame.message(), MavMessage::STATUSTEXT(text) if text.text.to_str().unwrap().contains("wiring"))
         });
-        assert!(!said, "without a contradiction nothing is said");
+        assert!(!reported, "without a contradiction nothing is reported");
     });
 }
 
@@ -278,7 +278,7 @@ const GUARD: NotUsed = NotUsed { name: "AMT_GUARD", number: 15_000 };
 
 #[test]
 fn a_stored_setting_that_does_not_fit_the_line_is_reported_and_stays_stored_until_it_is_set() {
-    let said = |world: &World<'_>, at: usize| {
+    let reported = |world: &World<'_>, at: usize| {
         let frames = world.frames.borrow();
         let texts = frames.iter().skip(at).filter_map(|(_, port, frame)| match &frame.message() {
             MavMessage::STATUSTEXT(text) => {
@@ -297,7 +297,7 @@ fn a_stored_setting_that_does_not_fit_the_line_is_reported_and_stays_stored_unti
         world.service.borrow_mut().set_parameter_storage(ParameterStorage::Stored);
         let at = world.frames.borrow().len();
         world.pass_s(21.0).await;
-        assert_eq!(said(world, at), (0, 0), "the control");
+        assert_eq!(reported(world, at), (0, 0), "the control");
         world.service.borrow_mut().set_not_used(0, Some(GUARD));
         // What is saved, with the result of that.
         let set = async |name: &str, value: f32, result| {
@@ -310,7 +310,7 @@ fn a_stored_setting_that_does_not_fit_the_line_is_reported_and_stays_stored_unti
             let at = world.frames.borrow().len();
             world.pass_s(21.0).await;
             let number = |name| config.number(name).unwrap();
-            (number("LIM_EGT"), number("AMT_GUARD"), said(world, at))
+            (number("LIM_EGT"), number("AMT_GUARD"), reported(world, at))
         };
         let twice = (2, 2);
         assert_eq!(set("LIM_EGT", 7000.0, Ok(())).await, (7000, 15_000, twice), "another setting");

@@ -119,7 +119,7 @@ fn toy_wiring_is_one_number_and_back() {
     }
 }
 
-/// The toy can be chosen without a compiler, and what it cannot have is said.
+/// The toy can be chosen without a compiler, and an unsupported setting is reported.
 #[test]
 fn toy_is_among_the_protocols_of_the_wiring() {
     let settings = Wiring::table(&Wiring::of(&ENGINE));

@@ -74,7 +74,7 @@ const panels = run.engines.map((engine) => {
 });
 
 add(main, "h2", "Events");
-if (run.dropped) add(main, "p", run.dropped + " later events are not kept.", "thin");
+if (run.dropped) add(main, "p", run.dropped + " later events are not stored.", "thin");
 const events = add(main, "table");
 events.id = "events";
 for (const [t, engine, text] of run.events) {

@@ -63,7 +63,7 @@ fn the_story_says_what_was_broken_by_hand() {
 
 /// Its ECU obeys run, and the end of the run does not reach it.
 #[test]
-fn an_engine_whose_run_is_over_is_not_said_to_wait_for_its_start() {
+fn an_engine_whose_run_is_over_is_not_shown_as_start_requested() {
     let mut requested = 0;
     let mut not_obeying = 0;
     for tenths in 0..12 {

@@ -67,8 +67,8 @@ impl Oracle {
                     // reset; standby is no start.
                     let unreported = self.truth.hides_state || at < self.booted + BEHIND;
                     let disturbed = self.truth.odd || at < self.fault_at + BEHIND_FAULTY;
-                    let stood = !self.truth.live || unreported || disturbed;
-                    if !stood && self.live_since.is_some_and(|since| at > since + BEHIND) {
+                    let at_rest = !self.truth.live || unreported || disturbed;
+                    if !at_rest && self.live_since.is_some_and(|since| at > since + BEHIND) {
                         return Err("(4) an emergency stop was released while the engine runs".into());
                     }
                     self.use_up_all();
