@@ -344,7 +344,7 @@ fn a_hanging_transmitter_does_not_stall_reception() {
 /// AMT-11: a reply that waits for bytes stuck in the transmitter is sent in its window or not at all. The transmitter works again
 /// at any time between two frames.
 #[test]
-fn amt_11_a_reply_behind_a_transmitter_that_hung_does_not_go_out_after_its_window() {
+fn amt_11_a_reply_after_a_transmitter_that_hung_does_not_go_out_after_its_window() {
     let mut too_late = 0;
     for offset in (0..125).step_by(5) {
         let bench = bench(2400, 13);

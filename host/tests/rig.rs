@@ -71,7 +71,7 @@ fn what_is_shown_is_for_people() {
     assert!(!text.contains("rejected: the node has just started"), "{text}");
     assert_eq!(summary(&text, "commands rejected"), ["0"; 4], "{text}");
     assert_eq!(summary(&text, "worst cadence error"), ["-", "-", "0.000", "ms", "0.000", "ms"], "{text}");
-    // What matters is in the first 80 columns behind the time.
+    // What matters is in the first 80 columns after the time.
     let head = text.lines().find(|line| line.starts_with("      s  engine")).expect("a head");
     let heads: Vec<&str> = head.split_whitespace().collect();
     assert_eq!(heads[..8], ["s", "engine", "state", "rpm", "EGT", "commanded", "sent", "link"]);
@@ -94,9 +94,9 @@ fn one_seed_gives_one_output() {
     assert_ne!(out(&fast(&["--seed", "1"])), out(&fast(&["--seed", "2"])));
 }
 
-/// The step behind the silence of the tour begins at the speed before it, whatever its throttle is.
+/// The step after the silence of the tour begins at the speed before it, whatever its throttle is.
 #[test]
-fn the_tour_passes_with_seeds_that_step_down_behind_the_silence() {
+fn the_tour_passes_with_seeds_that_step_down_after_the_silence() {
     for seed in ["0", "9", "10", "11"] {
         status(&fast(&["--seed", seed]), 0);
     }

@@ -388,7 +388,7 @@ pub struct GapDetector {
 
 /// Time for which damaged frames prevent a gap of an engine that has reached running.
 const DAMAGED_MAX: Duration = Duration::from_secs(10);
-/// The same before that: a start that fails behind them must not begin again on the order to run.
+/// The same before that: a start that fails after them must not begin again on the order to run.
 const DAMAGED_MAX_IN_START: Duration = Duration::from_secs(3);
 /// Number of expected frames that have to be missing for a gap.
 const GAP_FRAMES: u32 = 3;

@@ -38,7 +38,7 @@ pub trait Attached: Debug {
     /// State that the service keeps for each port.
     type Streams: Streams;
 
-    /// Settings of an engine that are parameters, behind all others of its component.
+    /// Settings of an engine that are parameters, after all others of its component.
     fn rows(&self) -> &'static [&'static [Row]];
 
     /// The value of one of them.

@@ -415,7 +415,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_is_found_behind_and_inside_of_noise() {
+    fn a_frame_is_found_after_and_inside_of_noise() {
         let good = encode(FROM, 1, &heartbeat());
         let mut damaged = good.clone();
         damaged[12] ^= 0x40;
@@ -477,7 +477,7 @@ mod tests {
         (0..count).flat_map(|i| encode(autopilot, i, &outputs(i))).collect()
     }
 
-    /// Each whole frame is found, in order and once, whatever a few bytes before it claim to be. The stream behind is as long as the longest
+    /// Each whole frame is found, in order and once, whatever a few bytes before it claim to be. The stream after them is as long as the longest
     /// frame.
     #[test]
     fn stray_bytes_lose_no_frame() {
@@ -525,9 +525,9 @@ mod tests {
         }
     }
 
-    /// Behind a damaged frame, and inside of one: its length is right, its checksum is not.
+    /// After a damaged frame, and inside of one: its length is right, its checksum is not.
     #[test]
-    fn frames_behind_and_inside_of_a_wrong_frame_are_found() {
+    fn frames_after_and_inside_of_a_wrong_frame_are_found() {
         let two = [encode(FROM, 1, &stop(26)), encode(FROM, 2, &stop(27))].concat();
         for mut wrong in [file(&two), around(36, 222, &two)] {
             for at in [4, 6, wrong.len() - 1] {
@@ -562,7 +562,7 @@ mod tests {
 
     /// The rest of a frame does not arrive: whatever has waited for the time-out is decoded, however many frames seem to begin in it.
     #[test]
-    fn frames_behind_many_false_ones_wait_for_one_time_out() {
+    fn frames_after_many_false_ones_wait_for_one_time_out() {
         let mut decoder = Decoder::new();
         let stream = [&[START_V1, 0xFF].repeat(20)[..], &encode(FROM, 1, &stop(26))].concat();
         assert_eq!(all(&mut decoder, &stream).len(), 0);

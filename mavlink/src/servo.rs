@@ -208,19 +208,19 @@ mod tests {
     }
 
     /// A clock of 2 s, then a gap, then a clock that is 5 s behind, plus these delays in ms.
-    fn behind_a_gap(clock: &mut FrameClock, delays: &[u64]) -> std::vec::Vec<bool> {
+    fn after_a_gap(clock: &mut FrameClock, delays: &[u64]) -> std::vec::Vec<bool> {
         assert!(stream(clock, 1_000_000, 0, &[0; 80]).into_iter().all(|counts| counts));
         stream(clock, 14_000_000, 8_000_000, delays)
     }
 
     #[test]
     fn a_clock_that_is_past_the_old_one_begins_again_when_its_delay_has_settled() {
-        let counted = behind_a_gap(&mut FrameClock::default(), &[20; 400]);
+        let counted = after_a_gap(&mut FrameClock::default(), &[20; 400]);
         let first = counted.iter().position(|&counts| counts).expect("a new clock");
         assert!((118..=122).contains(&first) && counted[first..].iter().all(|&counts| counts), "{first}");
         // Delays of a busy line on top of it make no difference.
         let busy: std::vec::Vec<u64> = (0..400).map(|i| 20 + [0, 60, 90][i % 3]).collect();
-        assert!(behind_a_gap(&mut FrameClock::default(), &busy)[130..].iter().all(|&counts| counts));
+        assert!(after_a_gap(&mut FrameClock::default(), &busy)[130..].iter().all(|&counts| counts));
     }
 
     #[test]

@@ -282,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_are_found_behind_what_a_reset_has_cut_short() {
+    fn frames_are_found_after_what_a_reset_has_cut_short() {
         let whole = [0xFF, 0x12, 32, 0x12, 32];
         let mut reader = Reader::new(Protocol::Amt);
         let record = [sent(0, &[0xFF, 0x14, 132]), sent(10 * BYTE, &whole)].concat();

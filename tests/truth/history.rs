@@ -545,9 +545,9 @@ pub struct History {
     pub samples: Vec<Sample>,
     pub marks: Vec<(u64, Mark)>,
     pub resets: Vec<Reset>,
-    /// Ends of resets behind which the engine has another name: what was retained is another engine's.
+    /// Ends of resets after which the engine has another name: what was retained is another engine's.
     pub renamed: Vec<u64>,
-    /// Ends of resets behind which the node has other settings.
+    /// Ends of resets after which the node has other settings.
     pub other_settings: Vec<u64>,
     /// The ECU has no power.
     pub unpowered: Spans,

@@ -199,7 +199,7 @@ const IN_A_HUNDRED_HOURS: [&str; 13] = [
     "speeds in doubt",
     "speeds that no turbine makes",
     "standbys in doubt",
-    "starts behind another engine's",
+    "starts after another engine's",
     "starts that have to go when they may",
     "take-overs",
 ];

@@ -16,7 +16,7 @@ pub struct Reader {
     frames: control::Reader,
     /// End of the last byte of the ECU.
     last: u64,
-    /// Bytes since the head of a set that came behind a pause; `None`: what came was no head, or a whole set ended.
+    /// Bytes since the head of a set that came after a pause; `None`: what came was no head, or a whole set ended.
     set: Option<usize>,
 }
 
@@ -25,7 +25,7 @@ impl Reader {
         Self { frames: control::Reader::new(protocol), last: 0, set: None }
     }
 
-    /// When each set of an AMT ECU ended behind which another byte begins in this part of the record, in µs. Bytes that follow the
+    /// When each set of an AMT ECU ended after which another byte begins in this part of the record, in µs. Bytes that follow the
     /// head of a set without a pause are that set's, whatever they were meant to be: nobody can distinguish them.
     pub fn ends_of_sets(&mut self, record: &[Entry]) -> Vec<u64> {
         let mut ends = Vec::new();
@@ -67,7 +67,7 @@ fn what_follows_the_head_of_a_set_without_a_pause_completes_it() {
     let ends = |record: &[Entry]| Reader::new(Protocol::Amt).ends_of_sets(record);
     let set = bytes(0, &[0xFF, 4, 0, 0, 0, 0]);
     let whole = 6 * BYTE / 1000;
-    // A set, and its head with 12 other bytes behind it, 125 ms later.
+    // A set, and its head with 12 other bytes after it, 125 ms later.
     let others = |head: u8| [&[head], [0x55, 0x10, 0].repeat(4).as_slice()].concat();
     let broken = |head: u8| [set.clone(), bytes(125_000_000, &others(head))].concat();
     assert_eq!(ends(&broken(0xFF)), [whole, 125_000 + whole]);

@@ -5,10 +5,10 @@ use sim::ecu::{MILLIS, Nanos, SECOND};
 
 const PORT: &str = "SERIAL5";
 
-/// Distance between two ends of bytes behind the end of a transmission, in ns: half an instruction.
+/// Distance between two ends of bytes after the end of a transmission, in ns: half an instruction.
 const STEP: Nanos = 3;
 
-/// As far behind the transmission's end as anything is done about it, in ns. No multiple of the step: each sweep meets what the one
+/// As far after the transmission's end as anything is done about it, in ns. No multiple of the step: each sweep meets what the one
 /// before left out.
 const LAST: Nanos = 1_501;
 
@@ -51,11 +51,11 @@ fn no_byte_is_lost_that_ends_while_a_transmission_ends() {
     let inside: Vec<_> = distances.into_iter().filter(|distance| *distance < LAST).collect();
     let widest = inside.windows(2).map(|pair| pair[1] - pair[0]).max();
     println!(
-        "{} bytes, {:?} to {:?} ns behind an end, at most {widest:?} ns apart",
+        "{} bytes, {:?} to {:?} ns after an end, at most {widest:?} ns apart",
         inside.len(),
         inside.first(),
         inside.last()
     );
     assert!(inside.first() < Some(&100) && inside.last() > Some(&(LAST - 100)) && widest < Some(12));
-    assert!(lost.is_empty(), "lost: {lost:?} ns behind the end of a transmission");
+    assert!(lost.is_empty(), "lost: {lost:?} ns after the end of a transmission");
 }

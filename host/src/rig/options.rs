@@ -14,7 +14,7 @@ use super::scenario::Scenario;
 use super::session::Setup;
 use embassy_time::{Duration, Instant};
 
-/// What `--help` says beyond the options, before and behind the keys of all protocols.
+/// What `--help` says beyond the options, before and after the keys of all protocols.
 const HELP: [&str; 2] = ["\
 What it does:
   Joins the node to one simulated ECU and turbine for each engine, takes every engine through standby, start,
@@ -33,7 +33,7 @@ Summary:
   commands rejected    refused by an interlock or by the rules of sources. Neither a start that waits for another
                        engine nor a command while the node still listened after its own start is counted
   unsolicited commands frames on the wire that no order in force allows
-  worst cadence error  ZK: the node sends in fixed send slots. An emergency stop, and the frame right behind a change
+  worst cadence error  ZK: the node sends in fixed send slots. An emergency stop, and the frame right after a change
                        of the control mode, are sent ahead of their slot and do not count
 
 Engines:

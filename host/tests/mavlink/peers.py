@@ -25,7 +25,7 @@ def wait(seconds):
 PATIENCE = 5
 
 
-# Messages behind a cut frame among which pymavlink reports what is left of it, and of the frames that it took for its end: it reported
+# Messages after a cut frame among which pymavlink reports what is left of it, and of the frames that it took for its end: it reported
 # up to seven times among 15 messages, where 5000 cuts were tried at random.
 PIECES = 15
 

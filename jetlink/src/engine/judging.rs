@@ -15,7 +15,7 @@ use embassy_time::{Duration, Instant};
 impl Engine {
     /// Judges what one frame shows about the life of the engine, before its reply is handed out.
     pub(super) fn judge(&mut self, now: Instant, observation: Observation) {
-        // A gap ends with the first frame behind it.
+        // A gap ends with the first frame after it.
         if observation == Observation::PowerUp || self.last_gap == Some(Instant::MAX) {
             self.last_gap = Some(now);
         }

@@ -198,7 +198,7 @@ fn a_governor_rises_slowly_where_its_slew_is_slow() {
 
 /// Speeds missing for 0.4 s do not cause a large step: the slew limits the rise from one frame to the next.
 #[test]
-fn the_governors_throttle_does_not_jump_behind_missing_speeds() {
+fn the_governors_throttle_does_not_jump_after_missing_speeds() {
     let mut scenario = at(governed(|_| {}), 30, 50_000);
     scenario.fly_us(target(50_000), Origin::Rc, 2 * SECOND);
     scenario.sent();

@@ -272,7 +272,7 @@ fn a_change_that_no_turbine_makes_is_reported_after_two_frames() {
         let reported = reported_after(&mut scenario, 2, values);
         assert_eq!(reported[0].0, LimitKind::Implausible, "{ecu:?}");
         assert!(reported[0].1 > 150_000 && reported[0].2 == 150_000);
-        // After a gap too, behind two consistent speeds.
+        // After a gap too, after two consistent speeds.
         let mut scenario = running(ecu, |limits| limits.flame_out = Limit::NONE);
         scenario.silent().fly_us(run(50), Origin::Rc, SECOND);
         scenario.reports(Reports::Running).fly_us(run(50), Origin::Rc, SECOND);

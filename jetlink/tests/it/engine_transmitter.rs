@@ -72,7 +72,7 @@ fn next_frame(scenario: &mut Scenario) -> Wire {
 }
 
 /// The first throttle handed out after this number of unsent frames at idle, and then at 100 %, because of `why`.
-fn first_throttle_behind(ecu: Ecu, why: NotSent, at_idle: usize, at_full: usize) -> Wire {
+fn first_throttle_after(ecu: Ecu, why: NotSent, at_idle: usize, at_full: usize) -> Wire {
     let mut scenario = Scenario::started_with(ecu, ecu.config(), percent(0));
     scenario.reports(Reports::Running).fly_us(run(0), Origin::Rc, 2 * SECOND);
     while scenario.bench.busy() {
@@ -88,17 +88,17 @@ fn first_throttle_behind(ecu: Ecu, why: NotSent, at_idle: usize, at_full: usize)
 
 /// Whether the unsent frames came before or after the stick moved. The control: if all were sent, it jumps.
 #[test]
-fn a_demand_behind_frames_that_were_not_sent_rises_from_the_one_that_was_sent() {
+fn a_demand_after_frames_that_were_not_sent_rises_from_the_one_that_was_sent() {
     for ecu in BOTH {
         for why in [NotSent::Failed, NotSent::TimedOut] {
             for (at_idle, at_full) in [(0, 1), (1, 0), (1, 1), (3, 3), (0, 8)] {
-                let Wire::Run(tenths) = first_throttle_behind(ecu, why, at_idle, at_full) else {
+                let Wire::Run(tenths) = first_throttle_after(ecu, why, at_idle, at_full) else {
                     panic!("{ecu:?} runs")
                 };
                 // 50 % a second, for two frames at most.
                 assert!(tenths <= 50, "{ecu:?} {why:?} {at_idle} {at_full}: {tenths}");
             }
-            assert_eq!(first_throttle_behind(ecu, why, 0, 0), Wire::Run(1000), "{ecu:?}");
+            assert_eq!(first_throttle_after(ecu, why, 0, 0), Wire::Run(1000), "{ecu:?}");
         }
     }
 }

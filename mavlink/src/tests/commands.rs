@@ -459,7 +459,7 @@ fn damaged_settings_grant_no_start_until_a_person_confirms_them() {
 }
 
 #[test]
-fn a_stop_behind_the_rest_of_a_damaged_frame_acts_within_a_second() {
+fn a_stop_after_the_rest_of_a_damaged_frame_acts_within_a_second() {
     run(async |world| {
         world.ready().await;
         world.start(1).await;
@@ -482,7 +482,7 @@ fn a_stop_behind_the_rest_of_a_damaged_frame_acts_within_a_second() {
 
 /// Stray bytes that look like the beginning of a long frame, right before the only stop, while the autopilot's stream runs on the same port.
 #[test]
-fn a_stop_behind_stray_bytes_acts_while_the_stream_runs() {
+fn a_stop_after_stray_bytes_acts_while_the_stream_runs() {
     run(async |world| {
         world.ready().await;
         for stray in [&[0xFD, 0xFF, 0x00][..], &[0xFD, 0x80, 0x00], &[0xFE, 0xFF]] {
@@ -496,7 +496,7 @@ fn a_stop_behind_stray_bytes_acts_while_the_stream_runs() {
             world.say_bytes(TO_AUTOPILOT, stray);
             world.say(TO_AUTOPILOT, GROUND, &stop);
             world.pass_s(0.6).await;
-            assert_eq!(world.ordered(1), None, "the stop acts behind {stray:02X?}");
+            assert_eq!(world.ordered(1), None, "the stop acts after {stray:02X?}");
             world.cold(1).await;
         }
     });
@@ -646,7 +646,7 @@ fn where_the_node_has_no_id_a_stop_to_its_component_counts_and_nothing_else_does
 }
 
 #[test]
-fn behind_an_accepted_restart_nothing_starts_and_an_engine_that_turns_keeps_the_node() {
+fn after_an_accepted_restart_nothing_starts_and_an_engine_that_turns_keeps_the_node() {
     run(async |world| {
         world.ready().await;
         assert_eq!(world.command(NODE, CMD_PREFLIGHT_REBOOT_SHUTDOWN, &[1.0]).await.0, ACCEPTED);

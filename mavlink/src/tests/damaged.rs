@@ -293,7 +293,7 @@ fn settings_that_ram_has_retained_count_as_before() {
 /// The person who confirms restarts the board next. With the runner and a slow memory, as in an image.
 #[cfg(feature = "signing")]
 #[test]
-fn a_restart_behind_a_confirmation_waits_until_all_is_stored() {
+fn a_restart_after_a_confirmation_waits_until_all_is_stored() {
     sim::clock::reset();
     let at_rest = AtRest::new();
     at_rest.set(true);

@@ -3,7 +3,7 @@
 //! The judge is an independent reader, written from the MAVLink documents: it has the whole stream, computes the checksum
 //! bit by bit, and has the numbers of each message from another implementation (pymavlink 2.4.50). Its rule: from the first offset on, a
 //! frame begins where a start byte is followed by known flags, a known message, as many bytes as the length says, the right checksum and, if
-//! flagged, a signature. Behind it the next one is looked for; where none begins, one byte further. So what is inside of a frame is none.
+//! flagged, a signature. After it the next one is looked for; where none begins, one byte further. So what is inside of a frame is not a frame.
 
 use super::extras::EXTRAS;
 use crate::dialect::*;

@@ -89,7 +89,7 @@ fn a_late_repeat_of_a_refused_start_gets_its_answer_and_starts_nothing() {
 
 /// By radio control, with standby or an emergency stop. The control: a new start.
 #[test]
-fn a_repeat_starts_nothing_behind_a_stop_of_another_source() {
+fn a_repeat_starts_nothing_after_a_stop_of_another_source() {
     for stop in [Command::ShutDown, Command::EmergencyStop] {
         run(async |world| {
             world.ready().await;
@@ -146,7 +146,7 @@ fn a_confirmation_that_does_not_rise_is_of_a_new_start() {
 
 /// A sender repeats a start whose first copy was lost. Somebody has stopped the engine in between.
 #[test]
-fn a_repeat_whose_first_copy_was_lost_starts_nothing_behind_a_stop() {
+fn a_repeat_whose_first_copy_was_lost_starts_nothing_after_a_stop() {
     run(async |world| {
         world.ready().await;
         let repeat = async |component: u8| {

@@ -41,7 +41,7 @@ async fn listed(world: &World<'_>) -> Vec<(String, f32)> {
 }
 
 #[test]
-fn wiring_of_each_engine_is_listed_behind_the_other_parameters_of_the_node() {
+fn wiring_of_each_engine_is_listed_after_the_other_parameters_of_the_node() {
     run(async |world| {
         world.ready().await;
         let own: Vec<String> = node_parameters().map(|row| row.name.to_string()).collect();

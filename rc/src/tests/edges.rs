@@ -65,7 +65,7 @@ fn pulse_whose_beginning_was_not_seen_is_none_and_each_ends_once() {
     assert_eq!(edge(&mut edges, 3, 100, 0, false), Caught::Edge);
     pulse(&mut edges, 3, 1000, 1500);
     assert_eq!(pulse(&mut edges, 3, 21_000, 1500), of(4, 1500, 20_000));
-    assert_eq!(edge(&mut edges, 3, 23_000, 0, false), Caught::Edge, "a fall behind a fall");
+    assert_eq!(edge(&mut edges, 3, 23_000, 0, false), Caught::Edge, "a fall after a fall");
     // Two rises: the fall between them was missed.
     assert_eq!(edge(&mut edges, 3, 41_000, 0, true), Caught::Edge);
     assert_eq!(pulse(&mut edges, 3, 61_000, 1200), of(4, 1200, 20_000));

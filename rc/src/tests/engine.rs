@@ -112,7 +112,7 @@ fn another_channel_for_the_switch_is_no_move() {
 
 /// Before the end of a calibration it is not known where idle is.
 #[test]
-fn move_right_behind_a_calibration_starts_nothing() {
+fn move_right_after_a_calibration_starts_nothing() {
     for (after, starts) in [(0.05, false), (1.1, true)] {
         each(async |world| {
             world.arm().await;
@@ -133,7 +133,7 @@ fn move_right_behind_a_calibration_starts_nothing() {
 
 /// Within 1 s after a gap nothing counts as a move, however steady standby and stick were meanwhile.
 #[test]
-fn move_right_behind_a_gap_starts_nothing() {
+fn move_right_after_a_gap_starts_nothing() {
     for (after, starts) in [(0.55, false), (1.1, true)] {
         each(async |world| {
             world.arm().await;

@@ -198,7 +198,7 @@ fn fail_safe_and_lost_frames_are_silence() {
     let all: Vec<usize> = (3..20).collect();
     assert_eq!(flags(0, 8).0, all);
     let (counts, counters) = flags(0x08, 8);
-    assert_eq!(counts, [3, 4, 5, 6, 7, 15, 16, 17, 18, 19], "three frames behind the fail-safe");
+    assert_eq!(counts, [3, 4, 5, 6, 7, 15, 16, 17, 18, 19], "three frames after the fail-safe");
     assert_eq!((counters.fail_safe, counters.frame_lost), (5, 0));
     // Receivers set both.
     assert_eq!(flags(0x0C, 8).0, counts);
@@ -225,7 +225,7 @@ fn wrong_parity_drops_its_frame() {
             let (_, channels) = input.receive(Instant::from_micros(at), &[byte]);
             counts += u32::from(channels.is_some());
         }
-        assert_eq!(counts, 6, "byte {bad}: of 9, without the frame and the two behind it");
+        assert_eq!(counts, 6, "byte {bad}: of 9, without the frame and the two after it");
         assert_eq!(input.counters().line_errors, 1);
     }
 }

@@ -13,7 +13,7 @@ impl Director {
             (0..3, true) => ("the ECU or the flame goes out in a gap", self.out_in_a_gap(rng)),
             (3..5, true) => ("CTF and a reset", self.ctf_and_a_reset(rng)),
             (5..7, true) => ("an order that is given up", self.given_up(rng)),
-            (0..4, false) => ("a stop right behind a power-on", self.stop_behind_a_power_on(rng)),
+            (0..4, false) => ("a stop right after a power-on", self.stop_after_a_power_on(rng)),
             (4..7, false) => ("damage to the ECU", self.damage_to_the_ecu(rng)),
             (7..10, _) => ("at rest, a gap, at rest", self.at_rest_around_a_gap(rng)),
             (10..13, _) => ("a cut and a reset in a silence", self.cut_and_reset_in_a_silence(rng)),
@@ -67,7 +67,7 @@ impl Director {
     }
 
     /// The node, or the ECU, has only just begun, and does not know of the other one.
-    fn stop_behind_a_power_on(&self, rng: &mut Rng) -> Vec<Step> {
+    fn stop_after_a_power_on(&self, rng: &mut Rng) -> Vec<Step> {
         let by = rng.below(4) as usize;
         let off = rng.spread(300 * MS, 2 * SECOND);
         let begins = match rng.below(4) {
@@ -96,7 +96,7 @@ impl Director {
     }
 
     /// A report of an engine at rest right before a gap, and one right after it, neither sent by the ECU: they are not
-    /// consecutive. With an order, or without one behind a loss of power.
+    /// consecutive. With an order, or without one after a loss of power.
     fn at_rest_around_a_gap(&self, rng: &mut Rng) -> Vec<Step> {
         let period = self.rules.period;
         let forgets = rng.percent(40);
@@ -209,7 +209,7 @@ impl Director {
         let lost = vec![silent(self.main), Step::Wait(self.to_hold_end() + lost)];
         let back = stream(self.main, self.flies());
         let rest = match once {
-            // It is received again only behind the reset.
+            // It is received again only after the reset.
             true => vec![
                 Step::Reset(Cause::Watchdog, 20 * MS),
                 Step::Wait(rng.between(10, 500) * MS),

@@ -16,14 +16,14 @@ impl Director {
         match (rng.below(18), self.traits().services) {
             (10..13, true) if sends_by_itself => ("the pump, and nothing beside it", self.pump_alone(rng)),
             (10..14, true) if self.rules.supply_counts => ("a start with a low supply", self.low_supply(rng)),
-            (10..18, _) => ("a start behind a loss of power", self.start_behind_a_loss_of_power(rng)),
+            (10..18, _) => ("a start after a loss of power", self.start_after_a_loss_of_power(rng)),
             (0..4, true) => ("the pump", self.pump(rng)),
             (4, true) => ("services", self.services(rng)),
             (5, true) => ("PWM", self.pwm(rng)),
             (6, true) => ("another ECU", self.another_ecu(rng)),
             (0..4, false) => ("a start that is refused", self.refused(rng)),
             (4, false) => ("a start that fails", self.fails(rng)),
-            (5 | 7, _) => ("a start right behind a gap", self.behind_a_gap(rng)),
+            (5 | 7, _) => ("a start right after a gap", self.after_a_gap(rng)),
             (8, _) => ("a start that is refused", self.refused(rng)),
             _ => ("stop, arm, release", self.stop_and_release(rng)),
         }
@@ -106,7 +106,7 @@ impl Director {
     }
 
     /// Nothing is left of the arming, or of the retained state of another engine's node.
-    fn start_behind_a_loss_of_power(&self, rng: &mut Rng) -> Vec<Step> {
+    fn start_after_a_loss_of_power(&self, rng: &mut Rng) -> Vec<Step> {
         let reset = match rng.below(3) {
             0 => Step::AnotherEngine(50 * MS),
             _ => Step::Reset(rng.pick(&[Cause::BrownOut, Cause::PowerOn]), 50 * MS),
@@ -197,7 +197,7 @@ impl Director {
         [steps, self.again()].concat()
     }
 
-    fn behind_a_gap(&self, rng: &mut Rng) -> Vec<Step> {
+    fn after_a_gap(&self, rng: &mut Rng) -> Vec<Step> {
         let length = rng.spread(300 * MS, 4 * SECOND);
         let what = rng.pick(&[Fault::CutToNode, Fault::CutBoth, Fault::PowerOff]);
         vec![

@@ -206,12 +206,12 @@ fn armed(h: &History, brown_out_forgets: bool) -> Vec<(u64, bool)> {
             _ => {}
         }
     }
-    // Behind the last command nobody arms it again.
+    // After the last command nobody arms it again.
     all.extend(lost.map(|reset| (reset.down, false)));
     all
 }
 
-/// Whether this release certainly took effect: no stop is on the wire behind it, and none of any source before the first other order may
+/// Whether this release certainly took effect: no stop is on the wire after it, and none of any source before the first other order may
 /// be the one that did. The first of them may have come while nothing was received of the ECU.
 fn is_released(h: &History, release: &Commanded) -> bool {
     let switch = |frame: &Frame| Some((frame.at, frame.sent.switch()?));

@@ -62,12 +62,12 @@ impl Case<'_> {
         }
         self.speed_in_doubt();
         self.slow_shaft();
-        self.unreadable_behind_a_gap();
+        self.unreadable_after_a_gap();
     }
 
-    /// Behind a gap, an AMT ECU with faults in place of a state gets no run as long as the exhaust cannot be read, also where the node
+    /// After a gap, an AMT ECU with faults in place of a state gets no run as long as the exhaust cannot be read, also where the node
     /// was reset in the gap.
-    fn unreadable_behind_a_gap(&mut self) {
+    fn unreadable_after_a_gap(&mut self) {
         let h = self.h;
         if !self.traits().faults_hide_state {
             return;

@@ -420,15 +420,15 @@ impl Case<'_> {
             let behind_gap = gap.is_some_and(|(_, to)| to < sets && faults(to));
             // After a fault only a set that reports running does.
             let fault = self.faults.last_before(at).filter(|(_, to)| *to < sets);
-            let behind_fault = fault.is_some_and(|(_, to)| {
+            let after_fault = fault.is_some_and(|(_, to)| {
                 // One set before it may report running: two are needed.
                 h.samples(to + first, sets).iter().all(|sample| sample.hidden)
                     && at < to + h.rules.gives_up_after + first
             });
             let unknown = [
-                (doubted, "AMT, damaged sets behind a reset with error sets"),
-                (behind_gap, "AMT, error sets behind a gap"),
-                (behind_fault, "AMT, another state than running behind error sets"),
+                (doubted, "AMT, damaged sets after a reset with error sets"),
+                (behind_gap, "AMT, error sets after a gap"),
+                (after_fault, "AMT, another state than running after error sets"),
                 (power.is_some_and(|reset| faults(reset.up)), "AMT, error sets and nothing retained"),
                 (brown_out.is_some_and(|reset| unreadable(reset.up)), "AMT, error sets without an exhaust"),
             ];

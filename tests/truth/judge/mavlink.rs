@@ -174,7 +174,7 @@ impl<'a> Words<'a> {
         self.shown[..self.shown.partition_point(|(when, _)| *when <= at)].last().and_then(|(_, shown)| *shown)
     }
 
-    /// When the node has certainly found two heartbeats in a row that show this change: those behind a damaged frame may be skipped with
+    /// When the node has certainly found two heartbeats in a row that show this change: those after a damaged frame may be skipped with
     /// it.
     fn surely_shown(&self, at: u64, shown: bool) -> Option<u64> {
         let heartbeats = self.received(at, u64::MAX).iter();
@@ -196,7 +196,7 @@ impl<'a> Words<'a> {
             || self.shown.iter().any(|(at, shown)| (from_us..=to_us).contains(at) && *shown == Some(armed))
     }
 
-    /// The throttle before each start that is found in this time, or the lowest of them: the last one since then. What comes behind a
+    /// The throttle before each start that is found in this time, or the lowest of them: the last one since then. What comes after a
     /// start, be it at the same instant, is not the throttle at which it was commanded.
     fn throttle_of_start(&self, since: u64, from_us: u64, to_us: u64) -> Option<u32> {
         let mut last = None;
@@ -402,7 +402,7 @@ impl Case<'_> {
                 Word::Release => (PilotCommand::Release, "a release"),
                 _ => continue,
             };
-            // By its header, a damaged frame may include the bytes behind it, which are skipped.
+            // By its header, a damaged frame may include the bytes after it, which are skipped.
             if !words.late.contains(*at) && !self.commands(words, *at, |command| command == wanted) {
                 wrong.push((*at, format!("{what} was commanded, and nothing comes of it")));
             }

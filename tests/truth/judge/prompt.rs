@@ -80,7 +80,7 @@ impl Case<'_> {
             let Some(set) = set.filter(|set| !noise.touches(**set, frame.at + 5 * MS)) else { continue };
             judged += 1;
             if frame.at + h.rules.frame > set + REPLIES {
-                let text = format!("a reply {} ms behind the end of its set", (frame.at - set) / MS);
+                let text = format!("a reply {} ms after the end of its set", (frame.at - set) / MS);
                 self.verdict.finding(Rule::Frame, frame.at, text);
                 break;
             }
@@ -357,7 +357,7 @@ impl Case<'_> {
             if self.down.touches(since, at) || h.pwm.touches(since, at) {
                 continue;
             }
-            self.verdict.count("starts behind another engine's", u64::from(other + 3 * gap > at));
+            self.verdict.count("starts after another engine's", u64::from(other + 3 * gap > at));
             if other + gap > at + slack {
                 let text = format!("a start, and another engine was started at {}", seconds(other));
                 self.verdict.finding(Rule::Ignition, at, text);

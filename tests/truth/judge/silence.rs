@@ -115,7 +115,7 @@ impl Case<'_> {
         let age = rules.ages.into_iter().max().unwrap_or_default();
         let age = if alone { self.command_log.age(last.source) } else { age };
         let lost = from_us + age + 2 * rules.period + 200 * MS;
-        // Behind a reset a source that was lost stays lost, and the time for which it was received is retained in steps.
+        // After a reset a source that was lost stays lost, and the time for which it was received is retained in steps.
         let since = from_us.saturating_sub(2 * SECOND);
         let lost_at = |reset: &&Reset| reset.up > since && reset.down < to_us + recovers;
         let resets: Vec<&Reset> = h.resets.iter().filter(lost_at).collect();

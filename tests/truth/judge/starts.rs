@@ -517,7 +517,7 @@ impl Case<'_> {
                 });
                 if stale {
                     is_exempt(
-                        "AMT, the first reports behind a power-up that was not received are those of before",
+                        "AMT, the first reports after a power-up that was not received are those of before",
                     );
                     continue;
                 }
@@ -569,7 +569,7 @@ impl Case<'_> {
         let seen = |sample: &&Sample| sample.egt < h.rules.burning - BURNS && self.trusts_exhaust(sample.at);
         let cold = samples.iter().find(seen).map_or(at, |cold| cold.at + LOWERED);
         if let Some(lowered) = self.last_lowered(out.saturating_sub(LOWERED), at) {
-            // A cold exhaust that a lower demand explained until the thermocouple broke proves nothing behind it, and a fall does.
+            // A cold exhaust that a lower demand explained until the thermocouple broke proves nothing after that, and a fall does.
             let over = h.sensor.last_before(at).map(|(_, over)| over);
             return match over.filter(|_| broke.is_some_and(|broke| broke <= lowered + LOWERED)) {
                 Some(over) => self.fallen(over, at).unwrap_or(at),
@@ -585,7 +585,7 @@ impl Case<'_> {
         self.fallen(out.max(up), whole.max(out.max(up))).map_or(cold, |fallen| fallen.min(cold))
     }
 
-    /// Whether a cold exhaust counts: it is measured, and behind a thermocouple that failed it was hot before.
+    /// Whether a cold exhaust counts: it is measured, and after a thermocouple that failed it was hot before.
     fn trusts_exhaust(&self, at: u64) -> bool {
         let h = self.h;
         let over = h.sensor.iter().map(|(_, over)| over).take_while(|over| *over <= at).last();

@@ -197,7 +197,7 @@ impl Case<'_> {
         self.longest_received(began, until) >= self.two_states() + LATE
     }
 
-    /// An engine that run on the wire lights has its valve open. Behind failed starts of the firmware, one that nobody starts has it
+    /// An engine that run on the wire lights has its valve open. After failed starts of the firmware, one that nobody starts has it
     /// closed, whatever its ECU does on the run that it is sent.
     fn starts_find_it_open(&mut self) {
         let h = self.h;

@@ -13,7 +13,7 @@ fn an_ordinary_flight_breaks_no_rule() {
     }
 }
 
-/// What was commanded before a reset, and never sent, is not in force behind it: the demand rises.
+/// What was commanded before a reset, and never sent, is not in force after it: the demand rises.
 #[test]
 fn a_demand_rises_from_the_one_that_was_sent_before_a_reset() {
     let story = |cause, jumps: bool| {
@@ -33,7 +33,7 @@ fn a_demand_rises_from_the_one_that_was_sent_before_a_reset() {
     story(Cause::BrownOut, true).passes();
 }
 
-/// Behind a gap the demand rises, unless the stick moves when the engine is confirmed already (760003942).
+/// After a gap the demand rises, unless the stick moves when the engine is confirmed already (760003942).
 #[test]
 fn a_stick_that_moves_in_the_last_slot_of_a_gap_moves_the_demand() {
     let run = |tenths| PilotCommand::Run(Demanded::Throttle(tenths));

@@ -15,11 +15,11 @@ const fn output(tenths: u32) -> Word {
 
 /// Whether the rule is broken by these words and these commands of MAVLink. Times are in seconds.
 fn breaks(words: &[(f64, Word)], commands: &[(f64, PilotCommand)]) -> bool {
-    breaks_behind(&[], words, commands)
+    breaks_after(&[], words, commands)
 }
 
 /// The same after damaged frames.
-fn breaks_behind(damaged: &[f64], words: &[(f64, Word)], commands: &[(f64, PilotCommand)]) -> bool {
+fn breaks_after(damaged: &[f64], words: &[(f64, Word)], commands: &[(f64, PilotCommand)]) -> bool {
     let damaged = damaged.iter().map(|at| micros(*at)).collect();
     breaks_where(ByMavlink { damaged, ..ByMavlink::default() }, words, commands)
 }
@@ -62,7 +62,7 @@ fn a_start_is_what_somebody_commanded_of_an_armed_vehicle_at_idle() {
     assert!(breaks(&other(1, DISARMED), &COMMANDS), "one heartbeat is not armed");
     assert!(breaks(&other(2, output(400)), &COMMANDS), "the throttle is up");
     assert!(breaks(&other(2, Word::Station), &COMMANDS), "there is no stream");
-    // A frame behind the start, among bytes that are read at once (613000062), and one before it.
+    // A frame after the start, among bytes that are read at once (613000062), and one before it.
     let at_once =
         |words: [Word; 2]| breaks(&[&WORDS[..3], &[(3.0, words[0]), (3.0, words[1])]].concat(), &COMMANDS);
     assert!(!at_once([START, output(400)]) && at_once([output(400), START]));
@@ -97,13 +97,13 @@ fn a_vehicle_that_shows_disarmed_for_its_time_stops_its_engine_and_a_silent_one_
 /// 600100023: by its header, a damaged frame included the bytes after it, which were skipped with the start in them; the node
 /// found only the repeat.
 #[test]
-fn a_repeat_starts_where_the_start_was_lost_behind_a_damaged_frame() {
+fn a_repeat_starts_where_the_start_was_lost_after_a_damaged_frame() {
     let again = Word::Start { from: 255, confirmation: 1, while_disarmed: false };
     let words = [&WORDS[..], &[(4.8, output(0)), (4.8, again)]].concat();
     let commands = [COMMANDS[0], (4.8, PilotCommand::Standby), (4.8, RUN)];
-    assert!(!breaks_behind(&[2.7], &words, &commands));
+    assert!(!breaks_after(&[2.7], &words, &commands));
     assert!(breaks(&words, &commands), "nothing was damaged");
-    assert!(breaks_behind(&[3.2], &words, &commands), "what is damaged later hides nothing");
+    assert!(breaks_after(&[3.2], &words, &commands), "what is damaged later hides nothing");
 }
 
 #[test]
@@ -117,10 +117,10 @@ fn a_demand_is_that_of_a_frame_and_disarmed_is_idle() {
     assert!(with(&disarmed, &[disarm, (5.0, half)]));
     assert!(!with(&disarmed, &[disarm, (5.0, RUN)]));
     assert!(with(&disarmed, &[(5.0, RUN)]), "the engine stays armed");
-    // Behind a damaged frame a heartbeat may be skipped, and then the vehicle is armed again (613000205). Two that are found count.
+    // After a damaged frame a heartbeat may be skipped, and then the vehicle is armed again (613000205). Two that are found count.
     let behind = |damaged: &[f64], next: Word| {
         let shown = [(4.0, DISARMED), (4.5, DISARMED), (7.2, next), (7.7, next)];
-        breaks_behind(damaged, &[&WORDS[..], &shown].concat(), &COMMANDS)
+        breaks_after(damaged, &[&WORDS[..], &shown].concat(), &COMMANDS)
     };
     assert!(behind(&[], ARMED) && !behind(&[4.1], ARMED) && !behind(&[3.9], ARMED));
     assert!(behind(&[4.1], DISARMED));
@@ -135,9 +135,9 @@ fn a_stop_that_is_received_is_commanded_and_no_other() {
     let stop = (5.0, PilotCommand::ShutDown);
     assert!(!with(&[(5.0, Word::Stop)], &[stop]));
     assert!(with(&[(5.0, Word::Stop)], &[]), "ignored");
-    // One behind a damaged frame may be skipped with it (600000143).
+    // One after a damaged frame may be skipped with it (600000143).
     let behind =
-        |damaged: &[f64]| breaks_behind(damaged, &[&WORDS[..], &[(5.0, Word::Stop)]].concat(), &COMMANDS);
+        |damaged: &[f64]| breaks_after(damaged, &[&WORDS[..], &[(5.0, Word::Stop)]].concat(), &COMMANDS);
     assert_eq!([&[4.97][..], &[], &[5.1]].map(behind), [false, true, true]);
     assert!(with(&[], &[stop]), "not commanded");
     assert!(with(&[(5.0, Word::Stop), (6.0, output(0))], &[stop, (6.0, RUN)]), "nobody has started it since");

@@ -50,7 +50,7 @@ fn a_start_that_nobody_could_see_beginning_has_the_demand_of_before() {
 }
 
 #[test]
-fn behind_a_gap_a_demand_does_not_jump() {
+fn after_a_gap_a_demand_does_not_jump() {
     let story = |jumps: bool| {
         let story = runs(flight(ZK5, 40.0), 50.0)
             .streams(PILOT, 40.0, 40.5, run(500))
@@ -263,7 +263,7 @@ fn a_speed_that_the_ecu_holds_is_no_governors() {
 
 /// 1000036: a forged set delays the ECU's own one on the wire, and the reply to that is late. What it lowered was never in force.
 #[test]
-fn a_reply_behind_a_forged_set_lowers_nothing() {
+fn a_reply_after_a_forged_set_lowers_nothing() {
     let story = |forged: bool| {
         runs(flight(AMT, 40.0), 50.0)
             .streams(PILOT, 40.0, 50.0, run(500))
@@ -318,7 +318,7 @@ fn after_a_reset_a_governor_begins_with_the_throttle_that_reached_the_ecu() {
 }
 
 #[test]
-fn behind_a_transmitter_that_hung_a_demand_may_still_rise() {
+fn after_a_transmitter_that_hung_a_demand_may_still_rise() {
     let story = |hung: bool| {
         runs(flight(ZK5, 40.0), 52.0)
             .streams(PILOT, 40.0, 52.0, run(1000))

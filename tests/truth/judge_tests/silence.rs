@@ -44,9 +44,9 @@ fn in_doubt_nothing_goes_out_that_could_start_an_engine() {
     story(ZK5, 40.2).with(damaged).with(nothing(52.0)).breaks(&[Rule::Doubt]);
 }
 
-/// Error sets without an exhaust that can be read confirm no engine behind a gap, nor behind a gap and a reset.
+/// Error sets without an exhaust that can be read confirm no engine after a gap, nor after a gap and a reset.
 #[test]
-fn error_sets_behind_a_gap_get_no_reply_without_an_exhaust() {
+fn error_sets_after_a_gap_get_no_reply_without_an_exhaust() {
     let story = |again: f64| {
         flight(AMT, 51.0)
             .wire(again, 51.0, HALF)
@@ -111,9 +111,9 @@ fn with_all_sources_silent_the_demand_goes_to_the_fail_safe() {
     starting(59.0).breaks(&[Rule::SilentTurbine]);
 }
 
-/// Behind three resets without a source the fail-safe stage counts from the silence on, also where they are over (814001700).
+/// After three resets without a source the fail-safe stage counts from the silence on, also where they are over (814001700).
 #[test]
-fn behind_three_resets_in_a_silence_an_engine_that_is_not_received_is_shut_down_after_10_s() {
+fn after_three_resets_in_a_silence_an_engine_that_is_not_received_is_shut_down_after_10_s() {
     let story = |resets: u64, cut: bool, ends: f64| {
         let story = flight(ZK5, 40.0).turbine(40.0, 65.0, Phase::Running, 100_000.0, 500.0);
         let story = story.with(|h| {
@@ -231,7 +231,7 @@ fn silence_before_a_brown_out_counts() {
     story(Cause::BrownOut, 58.0).breaks(&[Rule::SilentWire]);
 }
 
-/// A source that was lost stays lost behind a reset: it has to be received for a while before the demand rises.
+/// A source that was lost stays lost after a reset: it has to be received for a while before the demand rises.
 #[test]
 fn a_lost_source_stays_lost_over_a_reset() {
     let story = |cause, rises: f64| {

@@ -142,7 +142,7 @@ fn a_trip_that_clears_while_the_exhaust_is_hot_cannot_be_seen() {
         |from: f64| cold_from(45.6).with(move |h| h.sensor = Spans::from(&[(micros(from), 60 * SECOND)]));
     broken(45.5).passes();
     assert!(ignites(broken(45.8)));
-    // And behind it a cold exhaust is none, but behind a hot one (730000080).
+    // And after it a cold exhaust does not count, except after a hot one (730000080).
     let failed = |hot: f64| {
         cold_from(40.0).with(move |h| {
             h.sensor = Spans::from(&[(38 * SECOND, 40 * SECOND)]);
@@ -501,7 +501,7 @@ fn an_exhaust_that_falls_ends_the_run_of_an_engine_with_error_sets() {
     story(50.0, false).with(|h| h.sensor = Spans::from(&[(39 * SECOND, 70 * SECOND)])).passes();
     // Once it was broken, a cold value proves nothing before it has been hot.
     story(69.0, true).with(|h| h.sensor = Spans::from(&[(50 * SECOND, 52 * SECOND)])).passes();
-    // Nor one that was cold before, as long as a lower demand explained that (813001762). A fall shows it behind it.
+    // Nor one that was cold before, as long as a lower demand explained that (813001762). A fall shows it after it.
     let explained = |sent_until: f64, broken: bool, degrees_per_s: f64| {
         let cold = move |h: &mut History| {
             for sample in h.samples.iter_mut().filter(|sample| sample.at >= 40 * SECOND) {

@@ -216,7 +216,7 @@ fn a_start_is_a_move_of_the_switch_with_the_stick_at_idle() {
     speaks(found(&[standby, (4.08, 40.0, run(0))]), "the switch was found at run");
     // Since a reset nothing was sent: no order is in force, and run is commanded to an engine that may be running. Standby sent
     // since makes it a start.
-    let behind_reset = |sent: &'static [Sent]| {
+    let after_reset = |sent: &'static [Sent]| {
         let frames = [(6.345, 8.0, run(0))];
         found(&[standby, (4.08, 6.0, PilotCommand::Standby), frames[0]]).with(move |h| {
             h.resets.push(Reset { down: micros(5.97), up: micros(6.0), cause: Cause::PowerOn });
@@ -229,8 +229,8 @@ fn a_start_is_a_move_of_the_switch_with_the_stick_at_idle() {
             h.rules.period = 200 * MS;
         })
     };
-    is_silent(behind_reset(&[]));
-    speaks(behind_reset(&[STANDBY]), "the switch was found at run");
+    is_silent(after_reset(&[]));
+    speaks(after_reset(&[STANDBY]), "the switch was found at run");
     // The stick came to idle just before.
     let idle = |at: f64| {
         flown(40.0).sends(2.5, good(Position::Standby, 300)).sends(at, STANDBY_AT_IDLE).commands(&FLIGHT)

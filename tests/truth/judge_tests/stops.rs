@@ -65,7 +65,7 @@ fn is_released(until: f64, change: impl FnOnce(&mut History)) -> bool {
 
 /// While the ECU is silent a release does not count. A frame that no ECU sent is one to the node.
 #[test]
-fn a_release_counts_behind_a_frame_that_nobody_sent() {
+fn a_release_counts_after_a_frame_that_nobody_sent() {
     let released = |forged: bool| {
         is_released(46.0, |h| {
             h.mute = Spans::from(&[(40 * SECOND, 50 * SECOND)]);
@@ -77,7 +77,7 @@ fn a_release_counts_behind_a_frame_that_nobody_sent() {
 
 /// 11700047: it counts from the first report on, which comes with the end of what an ECU takes at most to begin.
 #[test]
-fn a_release_counts_right_behind_the_first_report() {
+fn a_release_counts_right_after_the_first_report() {
     let released = |booted: f64| {
         is_released(45.0, |h| {
             h.unpowered = Spans::from(&[(40 * SECOND, micros(booted) - h.rules.boot)]);

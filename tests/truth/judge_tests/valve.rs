@@ -64,7 +64,7 @@ fn a_start_finds_the_valve_open() {
     };
     late(4.01).passes();
     late(5.5).breaks(&[Rule::ShutValve]);
-    // Behind 10 s of failed starts of the firmware, an ECU that lights its engine again by itself finds it closed; a pilot does not.
+    // After 10 s of failed starts of the firmware, an ECU that lights its engine again by itself finds it closed; a pilot does not.
     let again = |failed: u64, by: Option<f64>| {
         let relit = move |h: &mut History| {
             let downs = (40_000 - failed..40_000).step_by(500);

@@ -121,9 +121,9 @@ fn an_engine_that_is_lit_again_delays_other_engines() {
     };
     assert!(delays(50.0, true) && !delays(50.0, false) && !delays(58.0, true));
     // Its node sees that it runs once the wire to the node is whole (400000156).
-    let behind_a_cut = [65.5, 69.0].map(|at| {
+    let after_a_cut = [65.5, 69.0].map(|at| {
         cut.set(Spans::from(&[(50 * SECOND, 65 * SECOND)]));
         delays(at, true)
     });
-    assert_eq!(behind_a_cut, [true, false]);
+    assert_eq!(after_a_cut, [true, false]);
 }

@@ -227,7 +227,7 @@ fn reader_of_the_simulation_reads_what_a_toy_node_sends() {
 }
 
 #[test]
-fn reader_of_the_simulation_finds_toy_frames_behind_a_part_of_one() {
+fn reader_of_the_simulation_finds_toy_frames_after_a_part_of_one() {
     let record = Entry::delivered(Direction::ToEcu, 0, 1, &[0x5A, 0x5A, 2, 4, 0x5A, 9, 0x5A, 4]);
     let mut reader = Reader::new(Protocol::Toy);
     let found: Vec<_> = reader.read(&record).map(|frame| (frame.start, frame.command)).collect();

@@ -115,7 +115,7 @@ fn zk_status(at: Nanos, head: u8, data: [u8; 5]) -> Vec<Entry> {
 
 /// docs/failsafe.md: a pump that is found with a voltage at rest is closed, also where noise has made the voltage.
 #[test]
-fn a_pump_is_closed_only_behind_a_status_that_shows_a_voltage_at_rest() {
+fn a_pump_is_closed_only_after_a_status_that_shows_a_voltage_at_rest() {
     let close = |at| entries(at, &zk(0x20, 13));
     let shown = zk_status(1000 * MILLIS, 0xF2, [0, 0, 0, 56, 55]);
     let none = zk_status(1000 * MILLIS, 0xF2, [0, 0, 0, 56, 0]);
@@ -154,7 +154,7 @@ fn a_pump_is_closed_only_behind_a_status_that_shows_a_voltage_at_rest() {
     running.look(&shown);
     running.look(&close(1100 * MILLIS));
     assert_eq!(running.not_given, 1);
-    // A run that is ordered behind it.
+    // A run that is ordered after it.
     let mut ordered = audit(3);
     ordered.look(&shown);
     ordered.ordered(1050 * MILLIS, Order::Run(Demand::Rpm(Rpm::new(100_000))));
@@ -194,7 +194,7 @@ fn the_cadence_is_that_of_the_turns() {
     // A frame sent before its slot does not shift the slots.
     let mut ahead = audit(3);
     ahead.look(&entries(0, &zk(0x60, 0x13)));
-    ahead.look(&entries(MILLIS / 2, &zk(0x74, 0xE2))); // the speed, right behind its switch
+    ahead.look(&entries(MILLIS / 2, &zk(0x74, 0xE2))); // the speed, right after its switch
     ahead.look(&entries(20 * MILLIS, &zk(0x60, 0x13)));
     ahead.look(&entries(33 * MILLIS, &zk(0x14, 0))); // an emergency stop
     ahead.look(&entries(40 * MILLIS, &zk(0x14, 0)));

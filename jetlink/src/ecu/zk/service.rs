@@ -225,7 +225,7 @@ impl PumpClosing {
         matches!(self, Self::Waiting(_) | Self::Due(_) | Self::Sending(_))
     }
 
-    /// Behind the first order, a voltage is that of a pump that was left open, or of a running engine.
+    /// After the first order, a voltage is that of a pump that was left open, or of a running engine.
     pub const fn ordered(&mut self, now: Instant, order: Order) {
         match (&self, order) {
             (Self::NotKnown, Order::Standby | Order::EmergencyStop) => *self = Self::AtRest(now),

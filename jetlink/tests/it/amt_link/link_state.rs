@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// Up after two frames, lost by the timer at exactly `lost_after` behind the last one, up again after two.
+/// Up after two frames, lost by the timer at exactly `lost_after` after the last one, up again after two.
 #[test]
 fn link_is_up_after_two_frames_and_lost_exactly_to_the_tick() {
     let frame = normal(CLEARANCE, AUTO_STOP, 0);
@@ -75,7 +75,7 @@ fn amt_1_damaged_frames_do_not_keep_the_link_up() {
         (LinkState::Up, Some(at_us(received)))
     );
     bench.machine.line_error(LineError::Noise);
-    reply_to(&mut bench, &frame); // this one comes with the timer, a second behind the last good one
+    reply_to(&mut bench, &frame); // this one comes with the timer, a second after the last good one
     assert_eq!((bench.machine.status().state, bench.event_kinds()), (LinkState::Lost, vec![Event::LinkLost]));
     for _ in 0..2 {
         assert_eq!(bench.machine.status().state, LinkState::Lost);

@@ -90,7 +90,7 @@ fn amt_11_a_frame_during_a_transmission_is_answered_after_it() {
         // The first reply takes 5209 µs.
         (9600, 3_000, Some((5_209, 3_000 + 24_291))),
         (9600, 5_208, Some((5_209, 5_208 + 24_291))),
-        // It takes 20 834 µs, and the second reply would have to begin 8666 µs behind its frame.
+        // It takes 20 834 µs, and the second reply would have to begin 8666 µs after its frame.
         (2400, 12_167, None),
         (2400, 12_168, Some((20_834, 12_168 + 8_666))),
         (2400, 20_000, Some((20_834, 20_000 + 8_666))),

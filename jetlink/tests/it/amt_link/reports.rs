@@ -258,7 +258,7 @@ fn amt_1_a_line_error_discards_the_values_but_not_the_reply() {
 }
 
 /// A fault between two frames (a line that floats while the ECU powers up) damages none of them: the set-up set is
-/// the first frame behind it.
+/// the first frame after it.
 #[test]
 fn amt_9_a_line_error_before_the_setup_set_does_not_lose_it() {
     let mut bench = default();

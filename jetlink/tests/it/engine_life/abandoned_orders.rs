@@ -104,10 +104,10 @@ fn an_engine_that_is_seen_running_without_a_record_is_not_shut_down_at_once() {
     }
 }
 
-/// A source that commands an rpm returns in a loop of resets that are too close together for the ECU's version. Behind the loop the demand
+/// A source that commands an rpm returns in a loop of resets that are too close together for the ECU's version. After the loop the demand
 /// rises from the fail-safe: the rpm was not sent since.
 #[test]
-fn an_rpm_that_no_reset_let_pass_does_not_jump_behind_them() {
+fn an_rpm_that_no_reset_let_pass_does_not_jump_after_them() {
     let config = Ecu::Zk.with(|rules| rules.takeover.within = Duration::from_ticks(0));
     let mut scenario = Scenario::started_with(Ecu::Zk, config, rpm(100_000));
     scenario.reports = Some(Reports::Running);

@@ -133,7 +133,7 @@ fn amt_8_a_reset_ends_neither_the_serial_delay_nor_a_gap() {
 }
 
 /// Nothing is received, neither of the ECU nor of a source, and the node is reset each 0.9 s: the serial delay time passes all the same, and
-/// the first set behind it is not answered.
+/// the first set after it is not answered.
 #[test]
 fn amt_12_a_silence_without_any_input_continues_over_resets() {
     // The serial delay time is 4 s.
@@ -195,7 +195,7 @@ fn amt_8_lower_demands_do_not_excuse_a_cold_exhaust_for_ever() {
 }
 
 /// Only an exhaust below `burning_egt` uses up these 15 s: neither an ECU that reports a running engine, nor error sets with a hot
-/// exhaust. The fall behind a long way down with a slow slew is the one that was commanded, and no healthy engine is shut down for it
+/// exhaust. The fall after a long way down with a slow slew is the one that was commanded, and no healthy engine is shut down for it
 /// (814001857). The control: the same fall 6 s after that way.
 #[test]
 fn amt_8_a_hot_exhaust_uses_up_nothing_of_what_excuses_a_fall() {
@@ -485,10 +485,10 @@ fn amt_8_the_temperature_of_combustion_can_be_set_in_flight() {
     }
 }
 
-/// AMT-8: behind a gap two error sets with a hot exhaust show that the engine burns, and the second one is answered. One is not
+/// AMT-8: after a gap two error sets with a hot exhaust show that the engine burns, and the second one is answered. One is not
 /// enough: what burned before the gap may have gone out. A cold exhaust is not answered.
 #[test]
-fn amt_8_behind_a_gap_the_second_hot_error_set_is_answered() {
+fn amt_8_after_a_gap_the_second_hot_error_set_is_answered() {
     for fault_before in [false, true] {
         for (egt, answered) in [(480, true), (100, false)] {
             let mut scenario = with_faults(2 * SECOND, u8::from(fault_before), run(50), |_| 480);

@@ -322,7 +322,7 @@ fn zk_13_a_restart_by_the_ecu_has_the_time_of_a_start() {
     }
 }
 
-/// AMT-14: a running engine that its ECU lights again is given no more fuel meanwhile. Behind it the demand rises at its rate.
+/// AMT-14: a running engine that its ECU lights again is given no more fuel meanwhile. After it the demand rises at its rate.
 #[test]
 fn amt_14_a_demand_does_not_rise_while_the_ecu_lights_the_engine_again() {
     // Running, starting, idle calibration; ZK: running, restart by the ECU, and what it has begun with it.

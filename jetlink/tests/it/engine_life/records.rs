@@ -159,7 +159,7 @@ fn silences_are_retained_while_nothing_happens() {
 /// An order that is given up with its source silent: the silence since its last command is retained, although the node has received
 /// it since it began.
 #[test]
-fn the_silence_behind_an_order_that_was_given_up_is_retained() {
+fn the_silence_after_an_order_that_was_given_up_is_retained() {
     for (commands, silence) in [(false, 5800..=6400), (true, 0..=500)] {
         let mut scenario = flying(Ecu::Amt);
         scenario.silent();

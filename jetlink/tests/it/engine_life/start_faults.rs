@@ -64,13 +64,13 @@ fn amt_a_start_that_a_reset_cut_short_resumes_as_a_start() {
     }
 }
 
-/// Error sets behind a reset in a start end it likewise, unless the engine may burn, and may have reached running since: the ECU would light
+/// Error sets after a reset in a start end it likewise, unless the engine may burn, and may have reached running since: the ECU would light
 /// it once more when the fault clears, on the run from before the reset. An engine that had reached running continues in flight.
 #[test]
-fn amt_8_two_error_sets_behind_a_reset_end_a_start() {
+fn amt_8_two_error_sets_after_a_reset_end_a_start() {
     let cold: Egt = |_| 64;
     let hot: Egt = |_| 500;
-    // By 6 °C/s: what comes behind the fuel ramp.
+    // By 6 °C/s: what comes after the fuel ramp.
     let settles: Egt = |t| 540 - (t / 160_000) as i32;
     for (reached, egt, sets, order) in [
         (false, cold, 1, Order::Listen),

@@ -17,7 +17,7 @@ fn zk_8_an_emergency_stop_does_not_wait_for_its_slot() {
     assert_eq!(bench.frames(), expected);
 }
 
-/// While a transmission is under way the stop goes out directly behind it.
+/// While a transmission is under way the stop goes out directly after it.
 #[test]
 fn an_emergency_stop_follows_a_running_transmission_at_once() {
     let mut bench = running(3);
@@ -49,7 +49,7 @@ fn zk_9_an_emergency_stop_in_mode_3_begins_with_id_6() {
         bench.order_at_us(bench.now_us(), rpm(100_000)).unwrap();
         slots(&mut bench, slots_before);
         let t = bench.now_us() + 17_000;
-        bench.run_to_us(t); // the frame behind a new RPM_X is also out
+        bench.run_to_us(t); // the frame after a new RPM_X is also out
         bench.frames();
         bench.order_at_us(t, Order::EmergencyStop).unwrap();
         assert_eq!(bench.frames(), [(t, zk::mode(0, STOP).to_vec())], "{slots_before}");

@@ -113,7 +113,7 @@ fn check_stops(frames: &[Vec<u8>], from: Option<usize>) -> Result<(), TestCaseEr
         if at > 0 && closes(frame) && !closes(&frames[at - 1]) {
             closed += 1;
         } else {
-            prop_assert_eq!(switch_of(frame), Some(STOP), "{:02x?} behind an emergency stop", frame);
+            prop_assert_eq!(switch_of(frame), Some(STOP), "{:02x?} after an emergency stop", frame);
         }
     }
     prop_assert!(closed <= 10, "{} frames close the pump", closed);

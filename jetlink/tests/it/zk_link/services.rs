@@ -13,7 +13,7 @@ fn zk_13_an_unlock_is_sent_immediately_before_its_command() {
         bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
         service(&mut bench, command).unwrap();
         bench.run_to_us(90_000);
-        // In the slot, and right behind the unlock's last stop bit: 4167 µs at 9600 baud.
+        // In the slot, and right after the unlock's last stop bit: 4167 µs at 9600 baud.
         assert_eq!(bench.frames(), [(50_000, zk::unlock().to_vec()), (54_167, frame.to_vec())]);
         // When its last stop bit is sent.
         assert_eq!(bench.events(), [(58_334, Event::ServiceSent(command))]);
