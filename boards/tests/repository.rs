@@ -74,7 +74,7 @@ fn a_receiver_is_on_an_ecu_port_where_no_bootloader_listens() {
 }
 
 #[test]
-fn a_board_without_a_bootloader_has_none_of_its_ports() {
+fn a_board_without_a_bootloader_has_no_port_of_one() {
     for board in BOARDS.iter().filter(|board| board.bootloader.is_none()) {
         assert!(board.ports.iter().all(|port| port.before == Before::Floats), "{}", board.name);
         assert_eq!(board.flash(true), None);

@@ -675,7 +675,7 @@ fn help_lists_every_frame_and_option() {
 // ---------------------------------------------------------------------------------------------
 
 #[test]
-fn a_reader_who_leaves_is_no_failure() {
+fn a_reader_who_leaves_is_not_a_failure() {
     let mut child = spawn(&["--protocol", "zk"]);
     let mut stdin = child.stdin.take().unwrap();
     let mut stdout = BufReader::new(child.stdout.take().unwrap());

@@ -237,7 +237,7 @@ fn an_output_has_a_name() {
 }
 
 #[test]
-fn a_dash_is_no_file() {
+fn a_dash_is_not_a_file() {
     for option in ["--csv", "--plot", "--report", "--save-script"] {
         let error = refused(&rig(&["--fast", option, "-"]), 2);
         assert!(error.contains(&format!("{option} takes no \"-\": name /dev/stdout, or ./-")), "{error}");
@@ -442,7 +442,7 @@ fn a_report_is_one_page_with_the_verdict_and_all_events() {
 }
 
 #[test]
-fn a_reader_that_has_had_enough_is_no_failure() {
+fn a_reader_that_has_had_enough_is_not_a_failure() {
     for args in [&["--fast", "--duration", "1h"][..], &["--list-scenarios"]] {
         let mut child =
             Running(command(args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it runs"));
@@ -458,7 +458,7 @@ fn a_reader_that_has_had_enough_is_no_failure() {
 }
 
 #[test]
-fn a_reader_of_rows_that_has_had_enough_is_no_failure() {
+fn a_reader_of_rows_that_has_had_enough_is_not_a_failure() {
     let args = ["--fast", "--duration", "1h", "--csv", "/dev/stdout"];
     // Messages go to standard error, which the test does not read.
     let mut child =

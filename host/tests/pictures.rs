@@ -37,7 +37,7 @@ fn throttle_on_wire(csv: &str, engine: &str, from: f64, to: f64) -> Vec<String> 
 
 /// An AMT node only replies: from a silent ECU on nothing is on that wire. A ZK node sends unprompted.
 #[test]
-fn a_wire_on_which_nothing_is_carries_no_throttle() {
+fn no_throttle_is_shown_while_nothing_is_sent() {
     let (csv, svg) = played("engine-lost", &["--scenario", "engine-lost"]);
     // The line to left is cut at 60.2 s and joined at 70.1 s.
     let left = throttle_on_wire(&csv, "left", 60.8, 70.0);

@@ -96,7 +96,7 @@ fn what_is_saved_plays_the_same() {
 
 /// Of the same instant, in either order.
 #[test]
-fn an_emergency_stop_beside_a_reset_is_no_unsolicited_command() {
+fn an_emergency_stop_beside_a_reset_is_not_an_unsolicited_command() {
     let folder = folder("played-stop-and-reset");
     let script = folder.join("run.txt");
     let stop = "50.0 all node-reset\n50.0 all emergency-stop\n";
@@ -171,7 +171,7 @@ fn a_script_without_a_seed_has_that_of_the_command_line() {
 
 /// The node's event that standby is in force comes in the same moment as the stop, and is read after it.
 #[test]
-fn a_stop_in_the_first_second_is_no_unsolicited_command() {
+fn a_stop_in_the_first_second_is_not_an_unsolicited_command() {
     let script = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("early-stop.txt");
     for at in ["0.2", "0.4", "0.5", "0.6", "0.7", "0.8", "0.9", "1.2"] {
         let text = format!(

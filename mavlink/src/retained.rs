@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_stored_last_is_loaded_and_a_cleared_key_is_none() {
+    fn what_was_stored_last_is_loaded_also_a_cleared_key() {
         let memory = KeyMemory::new();
         assert_eq!(content(&memory), None);
         for round in 0..5 {

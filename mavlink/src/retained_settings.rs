@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn changes_that_do_not_fit_are_none_and_leave_none() {
+    fn changes_that_do_not_fit_are_refused_and_the_earlier_ones_are_dropped() {
         // The records of the node and of an engine have a key and a length each: 15 and 21 bytes.
         let (just, less) = (SettingsMemory::<{ HEAD + 36 }>::new(), SettingsMemory::<{ HEAD + 35 }>::new());
         assert!(store(&just, 9) && !store(&less, 9));
@@ -232,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reset_in_the_middle_of_a_write_and_what_a_power_up_leaves_are_none() {
+    fn neither_a_partial_write_nor_random_memory_is_taken_for_settings() {
         let (before, after) = (SettingsMemory::<64>::new(), SettingsMemory::<64>::new());
         store(&before, 9);
         store(&after, 10);

@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn pulses_from_800_to_2200_us_are_a_throttle_and_all_others_are_none() {
+    fn only_pulses_from_800_to_2200_us_are_a_throttle() {
         let settings = EngineSettings::DEFAULT;
         for (pulse, expected) in [
             (0, None),

@@ -430,7 +430,7 @@ mod tests {
     }
 
     #[test]
-    fn a_key_is_not_printed_and_zeros_are_none() {
+    fn a_key_is_not_printed_and_zeros_are_not_a_key() {
         assert_eq!(Key::new([0; 32]), None);
         let key = Key::new([0xA5; 32]).unwrap();
         let text = std::format!("{:?}", Signing::new(at(0), SigningState::new(Some(key), Stamp(1))));

@@ -72,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn moves_by_hand_are_no_alternation() {
+    fn moves_by_hand_are_not_an_alternation() {
         // From end to end in one frame and back, slow strokes, small ones, and a stick that goes up and down as fast as a hand can.
         assert!(!play(14, &[1100, 1900, 1900, 1100, 1100, 1100]).contains(&true));
         assert!(!play(110, &[1100, 1900, 1100, 1900, 1100, 1900]).contains(&true));

@@ -317,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_of_the_ecu_and_of_noise_are_none_of_the_host() {
+    fn bytes_of_the_ecu_and_of_noise_are_not_the_hosts() {
         let mut record = sent(0, &[0xFF, 0x12, 32, 0x12, 32]);
         record.insert(2, Entry { fate: Fate::Added, ..record[0] });
         record.insert(3, Entry { direction: Direction::ToNode, ..record[0] });

@@ -167,7 +167,7 @@ fn start_that_waits_for_another_engine_is_over_when_its_source_is_lost() {
 // -----------------------------------------------------------------------------------------------
 
 #[test]
-fn standby_of_one_source_and_run_of_another_are_no_start() {
+fn standby_of_one_source_and_run_of_another_do_not_start() {
     for mut world in both() {
         world.start(Rc);
         world.streams(Mavlink, run(0));

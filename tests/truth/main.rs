@@ -212,7 +212,7 @@ fn each_rule_judged(tally: &Tally, what: &[&str]) {
 }
 
 #[test]
-fn the_truth_is_as_it_should_be_in_random_worlds() {
+fn random_worlds_break_no_rule() {
     let seconds = number("JETLINK_SECONDS").unwrap_or(6 * 3600);
     let (tally, text) = play(number("JETLINK_SEED").unwrap_or(1), seconds, 2, 1);
     tally.print();
@@ -225,7 +225,7 @@ fn the_truth_is_as_it_should_be_in_random_worlds() {
 }
 
 #[test]
-fn the_truth_is_as_it_should_be_in_random_worlds_with_mavlink() {
+fn random_worlds_with_mavlink_break_no_rule() {
     let (tally, text) = play(vehicle::SEEDS.start, 12 * 3600, 2, 1);
     tally.print();
     if let Some(text) = text {

@@ -415,7 +415,7 @@ fn suspend_closes_the_port_and_a_wake_opens_it() {
 }
 
 #[test]
-fn suspend_that_is_seen_late_is_none() {
+fn suspend_from_before_a_reset_is_ignored() {
     run(async |host| {
         host.0.events.borrow_mut().extend([Event::Suspend, Event::Reset, Event::Suspend]);
         host.pass_ms(10).await;

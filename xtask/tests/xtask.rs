@@ -279,7 +279,7 @@ fn a_missing_program_is_one_sentence_where_it_is_needed() {
 }
 
 #[test]
-fn what_is_no_task_is_reported() {
+fn unknown_tasks_are_reported() {
     let computer = Computer::new("no-task", &toolchains(), &TARGETS);
     for arguments in [&[][..], &["flash-cube"], &["fly"]] {
         assert!(computer.refuses(arguments).contains("cargo fw"), "{arguments:?}");

@@ -41,7 +41,7 @@ fn within(orders: &[(Nanos, Order)], from: Nanos, to: Nanos) -> impl Iterator<It
 }
 
 #[test]
-fn pulses_fly_two_turbines_and_a_receiver_without_them_is_silence_and_no_jump() {
+fn pulses_fly_two_turbines_and_a_receiver_without_them_is_silence_without_a_jump() {
     on_each_board(|board| {
         const STEPS: [u16; 6] = [10, 33, 77, 100, 3, 50];
         const OFF: Nanos = 36 * SECOND;
@@ -87,7 +87,7 @@ fn pulses_fly_two_turbines_and_a_receiver_without_them_is_silence_and_no_jump() 
 /// Both in one image: the inputs use four of the outputs, and valves are on the remaining ones: that of "left" on both boards, which the
 /// stop closes within 10 ms of the second pulse with it, and over a reset. No output is on an input.
 #[test]
-fn pulses_open_and_close_a_valve_on_an_output_that_is_no_input() {
+fn pulses_open_and_close_a_valve_on_an_output_that_is_not_an_input() {
     on_each_board(|board| {
         const STOP: Nanos = 12 * SECOND;
         const RESET: Nanos = 13 * SECOND;

@@ -90,7 +90,7 @@ pub fn is_half(order: Order) -> bool {
 /// A flight by stick and switch. In it the transmitter goes off and comes back with the stick where it was, the receiver is unplugged
 /// and plugged in again, and the switch goes to stop.
 #[test]
-fn stick_and_switch_fly_two_turbines_and_a_lost_receiver_is_silence_and_no_jump() {
+fn stick_and_switch_fly_two_turbines_and_a_lost_receiver_is_silence_without_a_jump() {
     on_all_boards(|board| {
         for which in receivers(board) {
             const OFF: Nanos = 28 * SECOND;

@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_are_found_between_bytes_that_are_none() {
+    fn frames_are_found_between_stray_bytes() {
         let engines = engines(&[]).unwrap();
         let mut frames = Frames::new(&engines[0]);
         frames.add(&entries(Direction::ToNode, 0, &[0x11, 0x12, 0xFF, 0x64, 0x84, 0x7B, 0x65, 0x99]));
@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn a_part_of_a_command_is_no_frame() {
+    fn a_part_of_a_command_is_not_a_frame() {
         let engines = engines(&[]).unwrap();
         let mut frames = Frames::new(&engines[2]);
         frames.add(&entries(Direction::ToEcu, 0, &[0xFF, 0x00]));

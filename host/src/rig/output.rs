@@ -277,7 +277,7 @@ mod tests {
 
     #[test]
     #[cfg(unix)]
-    fn a_file_that_nobody_has_named_replaces_none() {
+    fn a_file_with_a_default_name_never_replaces_another() {
         let folder = std::env::temp_dir().join(format!("jetlink-new-{}", std::process::id()));
         fs::create_dir_all(&folder).unwrap();
         let (target, name) = (folder.join("target"), |name: &str| folder.join(name));

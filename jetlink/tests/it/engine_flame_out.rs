@@ -1,4 +1,4 @@
-//! The limit of flame-outs: a loss of speed that nobody commanded, and what explains one.
+//! The limit of flame-outs: an uncommanded loss of speed, and what explains one.
 
 use jetlink::command::{Command, Order, Origin};
 use jetlink::limit::{Limit, LimitKind};
@@ -159,7 +159,7 @@ fn zk_an_rpm_that_the_ecu_follows_late_explains_a_fall_then() {
 
 /// AMT error sets carry no shaft speed: a fall due to the demand meanwhile did not happen since the last of them.
 #[test]
-fn amt_a_fall_among_error_sets_is_no_flame_out() {
+fn amt_a_fall_among_error_sets_is_not_a_flame_out() {
     let fall = |fault: u8, lowered: u8| {
         let mut scenario = running(Ecu::Amt, |limits| limits.low_rpm = Limit::NONE);
         scenario.values.rpm = Some(20_000);

@@ -488,7 +488,7 @@ fn a_governed_rpm_is_retained_until_its_source_is_lost() {
 /// An engine found by its exhaust after a brown-out, from error sets without a speed. A source that keeps commanding an rpm is not
 /// silent.
 #[test]
-fn an_rpm_that_is_commanded_before_any_speed_is_known_is_no_silence() {
+fn an_rpm_that_is_commanded_before_any_speed_is_known_does_not_count_as_silence() {
     for commands in [true, false] {
         let mut flight = at(governed(|_| {}), 60, 80_000);
         flight.fly_us(target(80_000), Origin::Rc, 2 * SECOND);

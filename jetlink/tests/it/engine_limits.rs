@@ -174,7 +174,7 @@ fn without_a_limit_the_engines_own_figures_apply() {
 
 /// A maximum of 0 is none: an engine is not shut down for it. The control: a maximum below its speed.
 #[test]
-fn a_reported_maximum_of_0_is_no_limit() {
+fn a_reported_maximum_of_0_is_not_a_limit() {
     for (thousands, order) in [(0, Order::Run(percent(50))), (10, Order::Standby)] {
         let mut scenario = running(Ecu::Zk, |limits| limits.over_speed.action = Action::Standby);
         scenario.values.rpm = Some(14_000);
@@ -241,7 +241,7 @@ fn a_hot_start_is_a_fast_rise_of_temperature_in_a_start() {
 
 /// One odd shaft speed is not a flame-out, whatever its value, with or without a plausibility limit.
 #[test]
-fn one_odd_shaft_speed_is_no_flame_out() {
+fn one_odd_shaft_speed_is_not_a_flame_out() {
     for ecu in BOTH {
         for implausible in [Limit::NONE, Limit::report(150_000)] {
             for odd in [0, 10_000, 14_000, 60_000, 120_000] {

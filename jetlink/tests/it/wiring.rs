@@ -64,7 +64,7 @@ fn number_of_a_wiring_never_changes() {
 }
 
 #[test]
-fn numbers_that_are_no_rate_are_not_allowed() {
+fn numbers_that_are_not_a_rate_are_refused() {
     let rows = |name| Wiring::ROWS.iter().find(|row| row.name == name).unwrap();
     for number in 2400..=115_200 {
         assert_eq!(rows("E1_BAUD").allows(number), Line::new(number as u32).is_printed_rate(), "{number}");

@@ -430,7 +430,7 @@ fn the_runner_stores_key_and_stamp_without_a_frame_that_comes() {
 }
 
 #[test]
-fn what_counts_at_a_start_is_the_newer_stamp_and_no_key_in_ram_clears_none() {
+fn the_newer_stamp_counts_at_a_start_and_a_missing_key_in_ram_clears_no_stored_one() {
     let state = |key, stamp| Some(SigningState::new(key, Stamp::new(stamp).unwrap()));
     let counts = |retained, stored| {
         let state = SigningState::at_start(retained, stored);

@@ -149,7 +149,7 @@ fn every_known_chip_is_recognised_and_holds_both_sectors() {
 }
 
 #[test]
-fn an_unknown_chip_or_none_is_not_used() {
+fn an_unknown_or_missing_chip_is_not_used() {
     let good = Mock::new(CHIPS[3]);
     for id in [[0xFF; 9], [0; 9], [0x7F, 0x7F, 0x7F, 0x7F, 0x7F, 0x7F, 0xC2, 0x2A, 0x08]] {
         let mock = Mock { id: id.to_vec(), ..good.clone() };

@@ -166,7 +166,7 @@ fn an_engine_has_forty_parameters_at_most_and_what_is_left_out_exists() {
 }
 
 #[test]
-fn of_one_component_only_its_own_are_listed_and_of_a_strange_one_none() {
+fn a_component_lists_only_its_own_parameters_and_an_unknown_one_lists_none() {
     run(async |world| {
         world.ready().await;
         for (component, some) in [(NODE, true), (ENGINE[1], true), (24, false), (28, false), (1, false)] {

@@ -12,7 +12,7 @@ const NOT_NOW: Option<u8> = Some(1);
 
 /// A `COMMAND_INT` has the coordinate frame in place of the confirmation: whatever it is, the start is not a repeat.
 #[test]
-fn a_start_as_command_int_is_no_repeat() {
+fn a_start_as_command_int_is_not_a_repeat() {
     run(async |world| {
         world.ready().await;
         assert_eq!(world.control(0, &[1.0]).await.0, ACCEPTED);

@@ -187,7 +187,7 @@ fn all_that_moves_an_engine_or_a_setting_has_to_be_signed() {
 }
 
 #[test]
-fn an_autopilot_without_the_key_is_no_autopilot() {
+fn an_autopilot_without_the_key_is_not_an_autopilot() {
     let identity = Identity { system: SYSTEM, ..Identity::DEFAULT };
     let settings = NodeSettings { identity, ..NodeSettings::DEFAULT };
     let stored = || SigningState::new(key(), Stamp::new(SENDERS_STAMP).unwrap());

@@ -162,7 +162,7 @@ fn silence_does_not_count_as_time_disarmed() {
 }
 
 #[test]
-fn a_dead_autopilot_leads_to_the_stages_of_loss_and_its_return_is_no_jump() {
+fn a_dead_autopilot_leads_to_the_stages_of_loss_and_its_return_causes_no_jump() {
     run(async |world| {
         world.ready().await;
         world.start(1).await;

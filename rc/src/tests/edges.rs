@@ -60,7 +60,7 @@ fn long_pulses_and_long_pauses_are_long() {
 }
 
 #[test]
-fn pulse_whose_beginning_was_not_seen_is_none_and_each_ends_once() {
+fn pulse_whose_beginning_was_missed_does_not_count_and_each_ends_once() {
     let mut edges = Edges::new();
     assert_eq!(edge(&mut edges, 3, 100, 0, false), Caught::Edge);
     pulse(&mut edges, 3, 1000, 1500);
@@ -106,7 +106,7 @@ fn input_that_rested_is_tried_again_while_others_have_pulses() {
 }
 
 #[test]
-fn noise_takes_a_bounded_number_of_interrupts_and_pulses_at_400_hz_are_none() {
+fn noise_takes_a_bounded_number_of_interrupts_and_pulses_at_400_hz_are_not_noise() {
     let mut edges = Edges::new();
     for n in 0..1000 {
         assert_ne!(pulse(&mut edges, 0, n * 2500, 2200), Caught::Noise);

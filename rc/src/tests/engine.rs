@@ -87,7 +87,7 @@ fn move_from_standby_to_run_starts_only_with_the_stick_at_idle_and_steady() {
 
 /// The switch is at standby, steady and armed, and then it is another channel that is at run.
 #[test]
-fn another_channel_for_the_switch_is_no_move() {
+fn another_channel_for_the_switch_is_not_a_move() {
     for kind in Kind::ALL {
         begin(kind, async |radio, plug, halves| {
             let other = kind.settings().hand_over;

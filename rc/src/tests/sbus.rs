@@ -262,7 +262,7 @@ fn ends_of_sbus_2_are_good_and_all_others_are_not() {
 
 /// A task reads the first bytes of a frame in time, and the rest late, after the pause that follows.
 #[test]
-fn rest_of_a_frame_that_is_read_late_is_no_pause() {
+fn rest_of_a_frame_that_is_read_late_does_not_count_as_a_pause() {
     for first in 1..25 {
         for late in [0, 300, 400, 500, 1000, 5000] {
             let mut input = Sbus::new();

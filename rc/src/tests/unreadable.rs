@@ -62,7 +62,7 @@ fn stop_counts_beside_a_channel_that_cannot_be_read() {
 
 /// A starting autopilot sends 881 µs on all outputs.
 #[test]
-fn outputs_that_nobody_drives_are_no_stop() {
+fn outputs_that_nobody_drives_are_not_a_stop() {
     for kind in Kind::ALL {
         run(kind, async |world| {
             world.start().await;
@@ -78,7 +78,7 @@ fn outputs_that_nobody_drives_are_no_stop() {
 
 /// The same with end points so low that 881 µs is within the range of the throttle: the autopilot restarts in flight.
 #[test]
-fn outputs_that_nobody_drives_are_no_stop_with_end_points_of_1000_us_either() {
+fn outputs_that_nobody_drives_are_not_a_stop_with_end_points_of_1000_us_either() {
     for (kind, reversed) in [(Kind::Sbus, false), (Kind::Crsf, false), (Kind::Pwm, false), (Kind::Sbus, true)]
     {
         begin(kind, async |radio, plug, halves| {
@@ -106,7 +106,7 @@ fn outputs_that_nobody_drives_are_no_stop_with_end_points_of_1000_us_either() {
 /// 800 to 2200 µs are accepted, so an end point may be anywhere in between, also where a starting autopilot has its outputs: then those are a
 /// stick at idle and a switch at stop, and stop the engine. docs/rc.md states from which end point on they do not.
 #[test]
-fn outputs_that_nobody_drives_are_no_stop_from_an_end_point_of_892_us_on() {
+fn outputs_that_nobody_drives_are_not_a_stop_from_an_end_point_of_892_us_on() {
     for (low, stops) in [(800, true), (888, true), (891, true), (892, false), (900, false)] {
         begin(Kind::Pwm, async |radio, plug, halves| {
             let settings = EngineSettings { low, ..Kind::Pwm.settings() };

@@ -195,7 +195,7 @@ fn a_late_reply_is_counted_and_not_obeyed() {
 }
 
 #[test]
-fn silence_is_counted_as_none() {
+fn sets_without_a_reply_are_counted() {
     let mut bench = Bench::olympus();
     bench.wait_ms(10_050);
     let stats = bench.ecu.stats;

@@ -448,7 +448,7 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "deadlock")]
-    fn an_alarm_at_the_end_of_time_is_no_alarm() {
+    fn an_alarm_at_the_end_of_time_is_not_an_alarm() {
         reset();
         run(Timer::at(Instant::MAX));
     }

@@ -26,7 +26,7 @@ impl Case<'_> {
             self.replies_in_time();
             self.rises_when_confirmed();
         } else {
-            self.damage_is_no_gap();
+            self.damage_is_not_a_gap();
         }
         self.governs_by_speeds();
         self.governor_resumes();
@@ -126,7 +126,7 @@ impl Case<'_> {
     }
 
     /// In flight, damaged frames at the expected times are not a gap for 10 s: the demand stays on the wire.
-    fn damage_is_no_gap(&mut self) {
+    fn damage_is_not_a_gap(&mut self) {
         let h = self.h;
         let hidden = self.blind.union(&self.down).union(&h.noise_to_ecu).union(&h.deaf).union(&h.pwm);
         for (from, to) in h.framing.iter() {

@@ -73,7 +73,7 @@ fn a_demand_does_not_rise_before_a_set_has_confirmed_the_engine() {
 }
 
 #[test]
-fn damaged_frames_that_keep_the_beat_are_no_gap_in_flight() {
+fn damaged_frames_that_keep_the_beat_are_not_a_gap_in_flight() {
     let story = |last: Sent, framing: bool| {
         flight(ZK5, 40.0)
             .streams(PILOT, 40.0, 50.0, run(500))

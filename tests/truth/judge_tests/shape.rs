@@ -235,7 +235,7 @@ fn a_governors_throttle_has_no_slew() {
 
 /// Another ECU was plugged in, which holds a speed itself: the governor that is configured for the first one has no part in it.
 #[test]
-fn a_speed_that_the_ecu_holds_is_no_governors() {
+fn a_speed_that_the_ecu_holds_is_not_from_a_governor() {
     let rpm = |rpm| PilotCommand::Run(Demanded::Rpm(rpm));
     let story = |moves: f64| {
         runs(started(ZK5), 60.0)

@@ -200,7 +200,7 @@ fn a_script_file_that_ends_before_the_engines_have_flown_has_a_verdict() {
 
 /// Actions that a pilot may take at any time are not unsolicited commands.
 #[test]
-fn plain_actions_of_a_pilot_are_no_findings() {
+fn plain_actions_of_a_pilot_are_not_findings() {
     for (i, script) in [
         format!("{AMT}3 left arm\n3.1 left start\n10 left disarm\n40 end\n"),
         format!("{ZK}3 left arm\n3.1 left start\n8 left disarm\n40 end\n"),
@@ -249,7 +249,7 @@ fn an_emergency_stop_stays_in_force_through_two_resets() {
 }
 
 #[test]
-fn a_reset_in_the_first_instant_cuts_a_frame_and_is_no_finding() {
+fn a_reset_in_the_first_instant_cuts_a_frame_without_a_finding() {
     all_pass("first-instant", &["0.0 all node-reset\n10 end\n"]);
 }
 
@@ -282,7 +282,7 @@ fn disarming_ends_a_start_that_the_ecu_does_not_follow() {
 
 /// One damaged ZK frame in 256 passes its checksum.
 #[test]
-fn a_start_that_noise_has_made_on_the_line_is_no_uncommanded_ignition() {
+fn a_start_that_noise_has_made_on_the_line_is_not_an_uncommanded_ignition() {
     let engines =
         "engine name=e0,ecu=zk,version=1,baud=2400,stop=1\nengine name=e1,ecu=zk,mode=split,rate=100\n";
     let script = format!("seed 1090\n{engines}17.0 e1 noise\n40.4 end\n");
@@ -345,7 +345,7 @@ fn a_start_that_ends_within_a_moment_is_a_commanded_one() {
 }
 
 #[test]
-fn a_switch_that_was_at_stop_for_no_frame_is_no_late_stop() {
+fn a_switch_at_stop_that_no_frame_transmitted_is_not_a_late_stop() {
     let actions = "3 all arm\n29.1 all disarm\n29.1 all start\n40 end\n";
     let of = |rc: &str| format!("{ZK}rc {rc}\n{actions}");
     all_pass("no-frame", &["sbus", "crsf", "pwm"].map(of).each_ref().map(String::as_str));

@@ -158,7 +158,7 @@ fn amt_12_a_silence_without_any_input_continues_over_resets() {
 
 /// A fall within 5 s after a lower demand is what was commanded; after that it is not.
 #[test]
-fn amt_8_a_fall_after_a_lower_demand_is_no_flame_out() {
+fn amt_8_a_fall_after_a_lower_demand_is_not_a_flame_out() {
     let fall = |t: u64| 700 - (t / 50_000) as i32;
     for (demand, time, over) in [
         (run(20), 4_900_000, false),

@@ -550,7 +550,7 @@ const DAMAGED: [(Ecu, bool); 3] = [(Ecu::Amt, true), (Ecu::Zk, false), (Ecu::Zk,
 /// Damaged frames prevent a gap for 10 s after the last good one, and an AMT ECU still gets its replies. Then the gap begins, to the
 /// tick, and they confirm nothing.
 #[test]
-fn damaged_frames_are_no_gap_for_10_s_at_most() {
+fn damaged_frames_are_not_a_gap_for_10_s_at_most() {
     for (ecu, passes) in DAMAGED {
         let mut scenario = flying(ecu);
         let good = scenario.telemetry().last_rx.unwrap().as_micros();
@@ -590,7 +590,7 @@ fn damaged_frames_are_no_gap_for_10_s_at_most() {
 /// A start that fails during damaged frames must not begin again on the same order: until the engine has reached running they
 /// prevent a gap for 3 s, which is longer than the 2 s of noise that a start must survive.
 #[test]
-fn damaged_frames_are_no_gap_for_3_s_at_most_in_a_start() {
+fn damaged_frames_are_not_a_gap_for_3_s_at_most_in_a_start() {
     for (ecu, passes) in DAMAGED {
         let mut scenario = Scenario::ready(ecu, ecu.config());
         scenario.command(run(0)).unwrap();

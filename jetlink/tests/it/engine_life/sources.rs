@@ -117,7 +117,7 @@ fn standby_of_a_lower_source_waits() {
 /// A source that returns within the set time continues without a take-over, at the rate of a rise, to the tick. This applies
 /// only to one that was steady before.
 #[test]
-fn a_short_gap_is_no_loss() {
+fn a_short_gap_is_not_a_loss() {
     for ecu in BOTH {
         for (return_within, late, continues) in [
             (SECOND, SECOND - 1, true),

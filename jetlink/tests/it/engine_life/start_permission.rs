@@ -189,7 +189,7 @@ fn a_permission_belongs_to_one_source() {
 
 /// The end of a life ends what its sources intended: standby is no change of a source that has not commanded run since.
 #[test]
-fn after_the_end_of_a_life_standby_of_its_source_is_no_change() {
+fn after_the_end_of_a_life_standby_of_its_source_is_not_a_change() {
     for ecu in BOTH {
         for runs_again in [false, true] {
             let mut scenario = Scenario::started(ecu, percent(50));

@@ -16,7 +16,7 @@ fn zk_10_an_ecu_that_reports_100_hz_and_answers_at_20_hz_leaves_no_gaps() {
 /// Damaged frames at the expected times (bursts of a frame's length, no break) prevent a gap, for 10 s at most: at every rate that
 /// the line carries (ZK-11).
 #[test]
-fn zk_11_damaged_frames_at_the_expected_times_are_no_gap_at_any_rate() {
+fn zk_11_damaged_frames_at_the_expected_times_are_not_a_gap_at_any_rate() {
     use jetlink::config::EngineConfig;
     use jetlink::ecu::zk::codec::Rate;
     use jetlink::line::Line;
@@ -64,7 +64,7 @@ fn zk_11_damaged_frames_at_the_expected_times_are_no_gap_at_any_rate() {
 
 /// A status rate changed in flight, or on a link that returned: frames at the new rate do not count as gaps.
 #[test]
-fn frames_at_a_new_status_rate_are_no_gaps() {
+fn frames_at_a_new_status_rate_leave_no_gaps() {
     let mut scenario = flying(Ecu::Zk, 60);
     for _ in 0..2 {
         scenario.bench.receive(&zk_frames::status(6, TURNING, [160, 0, 5 << 2 | 2]));
