@@ -104,7 +104,7 @@ const fn radio_port() -> u8 {
 #[cfg(not(feature = "outputs"))]
 pub const OUTPUTS: Option<[OutputConfig; ENGINES.len()]> = None;
 
-/// Test images only (feature `outputs`): a valve for each engine on the first outputs of the board that are no inputs, power on the next
+/// Test images only (feature `outputs`): a valve for each engine on the first outputs of the board that are not inputs, power on the next
 /// ones, as far as there are any. With the last engine the low level energises, unless the bootloader drives the outputs low.
 #[cfg(feature = "outputs")]
 pub const OUTPUTS: Option<[OutputConfig; ENGINES.len()]> = {
@@ -123,7 +123,7 @@ pub const OUTPUTS: Option<[OutputConfig; ENGINES.len()]> = {
     Some(engines)
 };
 
-/// Number of an output of the board that is no input (build.rs); without a board there are two for each engine.
+/// Number of an output of the board that is not an input (build.rs); without a board there are two for each engine.
 #[cfg(feature = "outputs")]
 const fn output(place: usize) -> Option<u8> {
     match option_env!("JETLINK_OUTPUTS") {

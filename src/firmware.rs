@@ -166,7 +166,7 @@ fn main() -> ! {
     })
 }
 
-/// What [`build`] has set up.
+/// Parts of the node, set up by [`build`].
 struct Built {
     node: &'static Node<N>,
     mavlink: Option<Mavlink>,

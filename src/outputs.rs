@@ -29,7 +29,7 @@ const _: () = if let Some(outputs) = OUTPUTS {
     jetlink_rc::wiring::check_board(&outputs, board::OUTPUTS_LOW_BEFORE);
 };
 
-/// Inputs for servo pulses are no outputs.
+/// Inputs for servo pulses are not outputs.
 const _: () = if let (Some(outputs), Some(radio), Some(inputs)) = (OUTPUTS, RADIO, board::pulses::OUTPUTS)
     && radio.uart().is_none()
 {

@@ -62,7 +62,7 @@ async fn reply(port: &mut EcuPort, end: Instant) -> Duration {
     let mut start = None;
     let mut count = 0;
     while count < REPLY {
-        // The port counts line errors; an empty read is no error.
+        // The port counts line errors; an empty read is not an error.
         count += port.rx.read(&mut bytes[count..]).await.unwrap_or(0);
         start.get_or_insert_with(|| Instant::now().duration_since(end));
     }

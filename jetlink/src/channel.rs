@@ -73,7 +73,7 @@ pub struct Channel {
     memory: Option<Retained>,
 }
 
-/// Memory that survives a reset, and whose it is.
+/// Memory that survives a reset, and the fingerprint of its engine.
 struct Retained {
     memory: &'static RetainedMemory,
     fingerprint: u32,
@@ -282,7 +282,7 @@ impl<'a> Owner<'a> {
     /// Claims the source `Bench`, `Mavlink` or `Rc` until the result is dropped.
     ///
     /// # Errors
-    /// [`ClaimError`] if it is claimed already, or is none of these.
+    /// [`ClaimError`] if it is claimed already, or is not one of these.
     pub fn source(&self, origin: Origin) -> Result<Source<'a>, ClaimError> {
         match origin {
             Origin::Node => Err(ClaimError::Node),

@@ -109,7 +109,7 @@ impl EngineConfig {
             || self.supervision.change(name, number)
     }
 
-    /// Changes a parameter whose row ([`EngineConfig::rows`]) allows this number. False: there is none of this name.
+    /// Changes a parameter whose row ([`EngineConfig::rows`]) allows this number. False: no parameter has this name.
     pub fn change_parameter(&mut self, name: &str, number: i32) -> bool {
         self.timing.set_own::<false>(name, number)
             || self.ecu.set::<false>(name, number)
@@ -169,7 +169,7 @@ impl core::error::Error for LinkSettingsError {}
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum ConfigError {
-    /// The baud rate is none of [`Line::BAUD_RATES`].
+    /// The baud rate is not in [`Line::BAUD_RATES`].
     BaudRate(usize),
     /// Two rows have the same port.
     SamePort(usize, usize),

@@ -247,7 +247,7 @@ impl Setting {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub struct Row {
-    /// Name, as of its [`Setting`]; empty: it is no parameter ([`Setting::parameter`]).
+    /// Name, as of its [`Setting`]; empty: it is not a parameter ([`Setting::parameter`]).
     pub name: &'static str,
     /// Unit of its number.
     pub unit: Unit,
@@ -262,7 +262,7 @@ pub struct Row {
 }
 
 impl Row {
-    /// A row; an empty name is no parameter. The macro `settings!` writes these.
+    /// A row; an empty name is not a parameter. The macro `settings!` writes these.
     pub const fn new(
         name: &'static str,
         unit: Unit,
@@ -595,7 +595,7 @@ pub mod kind {
 /// own may declare them with it, so that one table serves all; it needs a feature `defmt`, if only an empty one.
 ///
 /// After its range a row may have `UnlessTurning`, where its effect differs from that of the struct ([`Effect::UnlessTurning`]), and
-/// `ConfigOnly`, where it is no parameter ([`Setting::parameter`]).
+/// `ConfigOnly`, where it is not a parameter ([`Setting::parameter`]).
 ///
 /// A struct whose defaults are stated elsewhere, as of the settings that every protocol has, is declared with `defaults elsewhere`
 /// and without `= default`. It has no `DEFAULT`; its `table` makes the rows from given defaults. The end of a range may come from a macro there,

@@ -538,7 +538,7 @@ impl<'a> Engine<'a> {
             || telemetry.start_waits_until.is_some();
         let has_ended = core::mem::replace(&mut self.was_ordered, is_ordered)
             && telemetry.ordered.order == Order::Standby;
-        // What MAVLink stops is noted there; what the node ends is no stop.
+        // What MAVLink stops is noted there; what the node ends is not a stop.
         if has_ended && !is_ordered && !matches!(telemetry.ordered.origin, Origin::Node | Origin::Mavlink) {
             self.stopped_at = Some(situation.now);
         }

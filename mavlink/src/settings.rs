@@ -47,7 +47,7 @@ settings! {
 /// The setting that the node itself changes.
 pub(crate) const LEARNT: &str = "MAV_SYSID_LEARN";
 
-/// A parameter: its row, and whose it is.
+/// A parameter: its row, and its engine.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Parameter {
     pub row: &'static Row,

@@ -66,7 +66,7 @@ pub(crate) struct Vehicle {
 }
 
 impl Vehicle {
-    /// With a set id, one learnt before, or one still to be learnt; 0 is none.
+    /// With a set id, one learnt before, or one still to be learnt; 0: none.
     pub fn new(set: u8, learnt: u8) -> Self {
         let system = if set != 0 { set } else { learnt };
         Self {
@@ -252,7 +252,7 @@ mod tests {
     #[test]
     fn the_only_autopilot_is_learnt_after_five_seconds() {
         let mut vehicle = Vehicle::new(0, 0);
-        // A ground station and a camera are no autopilots.
+        // A ground station and a camera are not autopilots.
         let ground = Address { system: 255, component: 1 };
         assert_eq!(vehicle.heartbeat(at(0), ground, (TYPE_GCS, AUTOPILOT_INVALID, 0), true), None);
         let camera = Address { system: 1, component: 100 };

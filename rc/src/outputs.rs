@@ -196,7 +196,7 @@ impl Outputs {
     ///
     /// The valve is open only if the record says that the engine runs and that nothing stops it, and the firmware has not failed in
     /// repeated starts. A start in progress does not count: the engine ends it. The power stays as it was: only reports of a cold engine
-    /// turn it off, and a reset is none. The record of an armed engine turns it on; so does that of one that ran or was stopped, where it is not
+    /// turn it off; a reset does not. The record of an armed engine turns it on; so does that of one that ran or was stopped, where it is not
     /// known.
     pub fn new(settings: OutputSettings, before: Before) -> Self {
         let Before { record, power, has_failed } = before;

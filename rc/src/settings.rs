@@ -144,7 +144,7 @@ impl EngineSettings {
     }
 }
 
-/// Whether two functions have the same channel. 0 is none.
+/// Whether two functions have the same channel. 0: no channel.
 const fn same(a: u8, b: u8) -> bool {
     a != 0 && a == b
 }

@@ -72,7 +72,7 @@ mod timer {
         timer.generate_update_event();
         for channel in CHANNELS {
             timer.set_input_ti_selection(channel, InputTISelection::Normal);
-            // Shorter than 1 µs is no edge.
+            // Shorter than 1 µs is not an edge.
             timer.set_input_capture_filter(channel, FilterValue::FDTS_DIV32_N8);
             timer.set_input_capture_mode(channel, InputCaptureMode::BothEdges);
             timer.set_input_capture_prescaler(channel, 0);

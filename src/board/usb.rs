@@ -39,7 +39,7 @@ pub enum Off {
     Clock,
     /// Its supply does not come.
     Supply,
-    /// This is no version of the controller that the driver knows.
+    /// The driver does not know this version of the controller.
     Unknown(u32),
     /// The controller does not become ready.
     Busy,

@@ -90,7 +90,7 @@ settings! {
 macro_rules! limits {
     ( $( $field:ident: $inner:ident $kind:ident $name:literal = $default:literal in $min:literal..=$max:literal $(, $column:ident)*, $action:literal, $text:literal; )* ) => {
         /// Limits of an engine. A limit is violated when two consecutive values exceed it: AMT frames carry no checksum, and
-        /// one odd frame is no fault.
+        /// one odd frame is not a fault.
         #[derive(Clone, Copy, PartialEq, Eq, Debug)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         pub struct Limits {
@@ -292,7 +292,7 @@ macro_rules! groups {
                 None$( .or_else(|| $place.own::<ALL>(name)) )*
             }
 
-            /// Changes a setting whose range has been checked. False: there is none of this name, or it belongs to a governor
+            /// Changes a setting whose range has been checked. False: no setting has this name, or it belongs to a governor
             /// that is off.
             pub(crate) fn change(&mut $this, name: &str, number: i32) -> bool {
                 if name == GOVERNOR_NAME {
@@ -304,7 +304,7 @@ macro_rules! groups {
                     || $option.as_mut().is_some_and(|optional| optional.set_own::<true>(name, number))
             }
 
-            /// Changes a parameter whose range has been checked. False: there is none of this name.
+            /// Changes a parameter whose range has been checked. False: no parameter has this name.
             pub(crate) fn change_parameter(&mut $this, name: &str, number: i32) -> bool {
                 $this.change_in_groups::<false>(name, number)
             }
@@ -314,7 +314,7 @@ macro_rules! groups {
             }
         }
 
-        // The list has `Supervision`, which is no group of itself; the optional group is listed separately.
+        // The list has `Supervision`, which is not a group of itself; the optional group is listed separately.
         const _: () = assert!(
             Supervision::GROUPS == [$( stringify!($group) ),*].len(),
             "a group of `Supervision` is not in `groups!`"

@@ -448,7 +448,7 @@ impl Life {
                     && !matches!(fit, Fit::Ends(_) | Fit::Doubtful)
                     && (!doubt.faults || stage == Stage::Running)
             }
-            // Damaged values are no gap: without replies during a second of noise the ECU would stop the engine.
+            // Damaged values are not a gap: without replies during a second of noise the ECU would stop the engine.
             Observation::Damaged => !doubt.after_gap() && !doubt.withheld.reached(AGREEING),
             // It adds nothing to the last set that had a state.
             Observation::Stateless => !doubt.after_gap() && !doubt.withheld.reached(1),

@@ -34,7 +34,7 @@ struct LimitState {
 impl LimitState {
     const WITHIN: Self = Self { beyond: Consecutive::NONE, violated: false };
 
-    /// Takes the violation that one value is; `None`: it is within the limit, or there is no limit. `found` gets the violation once, at the
+    /// Takes the violation by one value; `None`: it is within the limit, or there is no limit. `found` gets the violation once, at the
     /// second consecutive value. Not inlined: every limit calls it.
     #[inline(never)]
     fn observe(&mut self, violation: Option<LimitViolation>, found: &mut dyn FnMut(LimitViolation)) {
@@ -212,7 +212,7 @@ impl LimitMonitor {
             self.implausible = LimitState::WITHIN;
         }
 
-        // Without a configured limit the ECU's own figures apply. A maximum of 0 is none.
+        // Without a configured limit the ECU's own figures apply. A maximum of 0 is not a limit.
         let reported_max = report.max_rpm.map(|max| max.value.get() / 100 * 105).filter(|max| *max > 0);
         let max = limits.over_speed.at.map(Rpm::get).or(reported_max).filter(|max| value > *max);
         let high = max.map(|max| LimitViolation::new(LimitKind::OverSpeed, value, max, now));

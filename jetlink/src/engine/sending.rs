@@ -11,7 +11,7 @@ use embassy_time::Instant;
 
 /// Largest difference between the reported and the ordered throttle, in 0.1 %.
 const OBEY_BAND: u16 = 100;
-/// A shaft that is faster than an ordered rpm by more than one part in 20 of it does not follow yet: less is no flame-out (5 %).
+/// A shaft that is faster than an ordered rpm by more than one part in 20 of it does not follow yet: less is not a flame-out (5 %).
 const RPM_BAND: u32 = 20;
 
 impl Engine {

@@ -2,7 +2,7 @@
 //!
 //! The highest fresh source that commands standby or a run is in control. A source that was lost has to be received without
 //! a gap for a while before it is in control again, so that a flapping source neither resets the stages of loss nor makes
-//! the engine hunt. A short gap in a steady stream is no loss.
+//! the engine hunt. A short gap in a steady stream is not a loss.
 
 use super::config::{SourceTimeouts, Supervision};
 use crate::command::{Demand, Origin};

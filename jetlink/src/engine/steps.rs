@@ -43,7 +43,7 @@ impl Engine {
         self.start_wait = None;
         self.ended_by_loss = false;
         self.link.release(false);
-        // A stop that is repeated is no new one.
+        // A repeated stop is not a new one.
         if matches!(self.mode, Mode::Stop(_)) { self.close_pump() } else { self.close_pump_again() }
     }
 

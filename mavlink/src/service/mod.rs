@@ -466,7 +466,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             .is_some_and(|port| port.send(now, from, place.engine(), class, message, seal))
     }
 
-    /// The component of ours that a message addresses. Component 0, which addresses all of them, is none. If the node has no id, a stop
+    /// The component of ours that a message addresses. Component 0, which addresses all of them, is not one of ours. If the node has no id, a stop
     /// addresses ours whatever its system; if the id is lost with the settings, every message does.
     fn addressed(&self, now: Instant, port: usize, target: Address, kind: Kind) -> Option<Place> {
         match self.system(now, port) {
