@@ -13,7 +13,7 @@ use jetlink::channel::{Channel, Source};
 use jetlink::command::{Command, Origin};
 use jetlink::config::{EngineConfig, check};
 use jetlink::ecu::zk::codec::Rate;
-use jetlink::engine::retained::{RetainedMemory, Reset};
+use jetlink::engine::retained::{Reset, RetainedMemory};
 use jetlink::line::Line;
 use jetlink::runner::{LineErrors, Runner};
 use static_cell::StaticCell;
