@@ -1,7 +1,7 @@
 //! Prepares the firmware for the chosen board: its part of the table (`boards/`) as typed code, the memory map, and the
 //! linker scripts of cortex-m-rt and defmt. Builds for the host, and of the library alone, need nothing of this.
 
-use boards::{Board, Clock, Family, Fram, Hold, Level, Region};
+use boards::{Board, Clock, Family, Fram, Hold, LeftAlone, Level, Region, Socket};
 use std::fmt::Write;
 use std::{env, fs, path::Path};
 
@@ -23,7 +23,7 @@ fn main() {
     let [name] = chosen.as_slice() else {
         panic!("the firmware needs exactly one board-* feature, not {chosen:?}");
     };
-    println!("cargo:rustc-check-cfg=cfg(board_divider, board_pulses)");
+    println!("cargo:rustc-check-cfg=cfg(board_divider, board_pulses, board_socket)");
     let behind_bootloader = env::var_os("CARGO_FEATURE_ARDUPILOT_BOOTLOADER").is_some();
 
     // memory.x in the package root includes board.x, which the linker finds in the folder added
@@ -44,6 +44,9 @@ fn main() {
             }
             if board.pulses.is_some() {
                 println!("cargo:rustc-cfg=board_pulses");
+            }
+            if board.socket.is_some() {
+                println!("cargo:rustc-cfg=board_socket");
             }
             // Only the converter of the H7 is read (src/board/supply.rs).
             if board.supply.is_some() && board.chip.family == Family::H7 {
@@ -137,6 +140,14 @@ fn code(board: &Board) -> String {
         format!("{} {} {}", inputs.timer, inputs.interrupt, pins.join(" "))
     });
     line(format!("pulses: [{}],", pulses.unwrap_or_default()));
+    let socket = board.socket.map(|socket| {
+        // src/board/receiver.rs takes what it receives, and only stm32f4.rs has what that needs.
+        assert!(board.chip.family == Family::F4, "{}: a socket for receivers is for an F4", board.title);
+        let Socket { name, uart, rx, never_driven: LeftAlone { pin, .. }, inverter, inverts_at, .. } = socket;
+        let title = format!("{name}, {uart}, for a receiver");
+        format!("{title:?} {uart} {rx} {pin} {inverter} {}", level(inverts_at))
+    });
+    line(format!("socket: [{}],", socket.unwrap_or_default()));
     let supply = board.supply.map(|supply| format!("{} {}", supply.pin, supply.tenths));
     line(format!("supply: [{}],", supply.unwrap_or_default()));
     let fram = board.fram.map(|fram| {

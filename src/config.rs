@@ -69,13 +69,13 @@ pub const MAVLINK: NodeSettings = NodeSettings::DEFAULT;
 #[cfg(target_os = "none")]
 pub const MAVLINK_ENGINES: [MavlinkSettings; ENGINES.len()] = [MavlinkSettings::DEFAULT; ENGINES.len()];
 
-/// Receiver of radio control, on an ECU port without an engine, and what its channels do for each engine, in the order of
+/// Receiver of radio control, on an ECU port without an engine or on the board's socket for one, and what its channels do for each engine, in the order of
 /// [`ENGINES`]: see `docs/rc.md`. For example `Some(RadioConfig::sbus(5, [EngineSettings::DEFAULT; ENGINES.len()]))`.
 #[cfg(not(any(feature = "radio-sbus", feature = "radio-crsf", feature = "radio-pwm")))]
 pub const RADIO: Option<RadioConfig<{ ENGINES.len() }>> = None;
 
-/// Test images only (features `radio-sbus`, `radio-crsf` and `radio-pwm`): a receiver on the board's port for it, or on its inputs for
-/// servo pulses.
+/// Test images only (features `radio-sbus`, `radio-crsf` and `radio-pwm`): a receiver on the board's port for it, on its socket (feature
+/// `radio-socket`), or on its inputs for servo pulses.
 #[cfg(any(feature = "radio-sbus", feature = "radio-crsf", feature = "radio-pwm"))]
 pub const RADIO: Option<RadioConfig<{ ENGINES.len() }>> = {
     use jetlink_rc::settings::EngineSettings;
@@ -83,12 +83,22 @@ pub const RADIO: Option<RadioConfig<{ ENGINES.len() }>> = {
     Some(if cfg!(feature = "radio-pwm") {
         RadioConfig::pwm([EngineSettings::PULSES; ENGINES.len()])
     } else if cfg!(feature = "radio-crsf") {
-        RadioConfig::crsf(radio_port(), engines)
+        RadioConfig::crsf(receiver_port(), engines)
     } else {
-        // Where the UARTs do not invert, an inverter is in the line.
-        RadioConfig { inverted: cfg!(feature = "stm32h7"), ..RadioConfig::sbus(radio_port(), engines) }
+        // Where neither the UARTs nor the board inverts, an inverter is in the line.
+        let inverted = cfg!(any(feature = "stm32h7", feature = "radio-socket"));
+        RadioConfig { inverted, ..RadioConfig::sbus(receiver_port(), engines) }
     })
 };
+
+/// Port of the receiver: the board's for one, or with the feature `radio-socket` its socket, which has the number behind its ECU ports.
+#[cfg(any(feature = "radio-sbus", feature = "radio-crsf", feature = "radio-pwm"))]
+const fn receiver_port() -> u8 {
+    match option_env!("JETLINK_PORTS") {
+        Some(ports) if cfg!(feature = "radio-socket") => ports.as_bytes()[0] - b'0',
+        _ => radio_port(),
+    }
+}
 
 /// Port of the board for a receiver (build.rs); without a board, one that no engine has.
 #[cfg(any(feature = "all-ports", feature = "radio-sbus"))]

@@ -8,6 +8,7 @@
 //! | `mavlink` | thread mode | MAVLink on the telemetry port: commands, throttle, telemetry, parameters |
 //! | `usb`, with the feature `usb` | thread mode | the same on USB |
 //! | `radio_control`, with a receiver | thread mode | SBUS or CRSF on an ECU port: starts, throttle, stops |
+//! | `radio_socket`, with a receiver on the board's socket for one | thread mode | the same there |
 //! | `radio_pulses`, with servo pulses | thread mode | the same by a timer |
 //! | `reception`, with a receiver or servo pulses | thread mode | logs a line per second of what was received |
 //! | `drive_outputs`, with outputs | interrupt, above the rest | fuel valves, power of starters and ignitions |
@@ -20,6 +21,7 @@
 //! radio control, by the demonstration (feature `demo`) and by the trial (feature `trial`).
 #![expect(clippy::disallowed_methods, reason = "logs, LED and watchdog keep their own time")]
 
+use crate::board::receiver::{SOCKET, of_ecu_port, open_socket};
 use crate::board::{self, EcuPort, Executor, Format, Led, Oscillator, PORTS, Watchdog};
 use crate::mavlink::{Mavlink, Settings};
 use crate::outputs::SHARED;
@@ -28,7 +30,7 @@ use crate::wiring::FOR_USE;
 use embassy_sync::pubsub::WaitResult;
 use embassy_time::{Duration, Ticker, Timer};
 use jetlink::channel::Events;
-use jetlink::config::{EngineConfig, check_ports};
+use jetlink::config::{EngineConfig, check_port_is_free, check_ports};
 use jetlink::engine::retained::Reset;
 use jetlink::event::LossStage;
 use jetlink::health::ClockSource;
@@ -49,15 +51,17 @@ use defmt::Display2Format as Text;
 const N: usize = ENGINES.len();
 
 /// The port of the receiver of radio control, and how it is opened. One on a port that the board lacks does not build.
+/// The board's socket for a receiver is the one behind the ECU ports.
 const RADIO_PORT: Option<(usize, Format)> = match &RADIO {
     Some(radio) => match radio.protocol.line() {
         Some(line) => {
+            let on_socket = SOCKET.is_some() && radio.port as usize == PORTS.len();
             assert!(
-                (radio.port as usize) < FOR_USE,
+                on_socket || (radio.port as usize) < FOR_USE,
                 "this board has no such port for the receiver of radio control"
             );
             assert!(
-                !radio.inverted || board::INVERTS_RX,
+                on_socket || !radio.inverted || board::INVERTS_RX,
                 "the receiver's line is inverted, and this chip's UARTs cannot invert it back"
             );
             Some((radio.port as usize, Format::of_radio(line, radio.inverted)))
@@ -71,6 +75,10 @@ const RADIO_PORT: Option<(usize, Format)> = match &RADIO {
 };
 
 const _: () = check_ports(&ENGINES, FOR_USE);
+const _: () = if SOCKET.is_some() {
+    let user = "the socket for a receiver, which cannot send: give the engine another port";
+    check_port_is_free(&ENGINES, PORTS.len() as u8, user);
+};
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
@@ -125,10 +133,11 @@ fn main() -> ! {
         {
             spawner.spawn(defmt::unwrap!(reception(radio)));
             match RADIO_PORT {
-                Some((port, format)) => {
+                Some((port, format)) if port < PORTS.len() => {
                     let port = defmt::unwrap!(board::open(port, format));
                     spawner.spawn(defmt::unwrap!(radio_control(radio, port)));
                 }
+                Some((_, format)) => spawner.spawn(defmt::unwrap!(radio_socket(radio, format))),
                 None => spawner.spawn(defmt::unwrap!(radio_pulses(radio))),
             }
         }
@@ -224,6 +233,11 @@ fn log_ports(engines: &[EngineConfig; N], telemetry: Line) {
             }
             None => defmt::info!("port {=usize}, {=str}: free", port, name),
         }
+    }
+    if let (Some(name), Some((port, _))) = (SOCKET, RADIO_PORT)
+        && port == PORTS.len()
+    {
+        defmt::info!("port {=usize}, {=str}: radio control", port, name);
     }
     defmt::info!("MAVLink: {=str}, {}", board::TELEMETRY_PORT, telemetry);
     for (engine, config) in ENGINES.iter().zip(OUTPUTS.iter().flatten()) {
@@ -387,7 +401,12 @@ async fn usb(runner: &'static crate::mavlink::Runner, oscillator: Oscillator) {
 
 #[embassy_executor::task]
 async fn radio_control(radio: &'static Radio, port: EcuPort) {
-    crate::radio::serve(radio, port).await
+    crate::radio::serve(radio, of_ecu_port(port)).await
+}
+
+#[embassy_executor::task]
+async fn radio_socket(radio: &'static Radio, format: Format) {
+    crate::radio::serve(radio, defmt::unwrap!(open_socket(format))).await
 }
 
 #[embassy_executor::task]

@@ -1,9 +1,11 @@
-//! A receiver of radio control on an ECU port. It is served in thread mode, so that no engine's task waits for it.
+//! A receiver of radio control on an ECU port, or on the board's socket for one. It is served in thread mode, so that no engine's task waits for it.
 
-use crate::board::{self, EcuPort};
+use crate::board;
+use crate::board::receiver::ReceiverPort;
 use core::cell::RefCell;
 use defmt::Display2Format as Text;
 use embassy_time::Instant;
+use embedded_io_async::Read;
 use jetlink::command::Origin;
 use jetlink::config::EngineConfig;
 use jetlink::node::Node;
@@ -48,10 +50,8 @@ fn build_radio(
 }
 
 /// Serves the port of the receiver.
-pub async fn serve(radio: &'static Radio, port: EcuPort) -> ! {
-    // TX stays at its idle level: nothing is sent to a receiver.
-    let EcuPort { rx, errors, tx: _tx, .. } = port;
-    runner::run(radio, rx, errors, logged()).await
+pub async fn serve(radio: &'static Radio, port: ReceiverPort<impl Read>) -> ! {
+    runner::run(radio, port.rx, port.errors, logged()).await
 }
 
 /// Serves the board's inputs for servo pulses.

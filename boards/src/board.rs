@@ -21,6 +21,8 @@ pub struct Board {
     pub telemetry: Port,
     /// ECU port on which a receiver of radio control belongs. With a receiver there is no ECU on it.
     pub radio: u8,
+    /// Socket for a receiver of radio control alone. The number of its port is the one behind those of `ports`.
+    pub socket: Option<Socket>,
     /// Pins for fuel valves and for the power of starters and ignitions, by number, from 0.
     pub outputs: &'static [Output],
     /// Outputs that can be inputs for servo pulses instead.
@@ -200,6 +202,34 @@ impl Port {
     pub(crate) const fn inverter(self, hold: Hold) -> Self {
         Self { inverter: Some(hold), ..self }
     }
+}
+
+/// A socket for a receiver of radio control, whose UART only receives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Socket {
+    /// Name that is printed on the board, or in its documents.
+    pub name: &'static str,
+    /// UART, which no other port has.
+    pub uart: &'static str,
+    /// Receiving pin.
+    pub rx: &'static str,
+    /// Sending pin of the UART, which is something else on this board: nothing may drive it.
+    pub never_driven: LeftAlone,
+    /// Pin that switches an inverter between the socket and the UART.
+    pub inverter: &'static str,
+    /// Level of that pin at which the inverter inverts. At the other one the line goes through as it is.
+    pub inverts_at: Level,
+    /// Name of its signal.
+    pub signal: &'static str,
+}
+
+/// A pin that the firmware leaves alone: after a reset it is an input, and it stays one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LeftAlone {
+    /// Pin.
+    pub pin: &'static str,
+    /// What it is on this board.
+    pub why: &'static str,
 }
 
 /// A pin for the output of an engine. Without a bootloader it floats until the firmware drives it.

@@ -23,6 +23,7 @@ pub static BOARD: Board = Board {
     telemetry: Port::new("SERIAL1", "USART2", ["PD5", "PD6"], "TELEM1", Listens),
     // Its sockets for receivers hang on the IO processor. GPS2: the bootloader does not listen there.
     radio: 2,
+    socket: None,
     // PWM(1) to PWM(6) of hwdef.inc are known, but a level shifter that PB4 switches (PWM_VOLT_SEL) lies between them and their
     // sockets. What it puts out while its input floats is not known, and no pull-down at the socket reaches that input.
     outputs: &[],

@@ -30,6 +30,7 @@ pub static BOARD: Board = Board {
     telemetry: Port::new("SERIAL1", "UART7", ["PE8", "PE7"], "pads TX7 RX7 CTS7 RTS7", Listens),
     // ArduPilot gives RX6 to a timer, and to the UART with BRD_ALT_CONFIG 1: no inverter is in between.
     radio: 5,
+    socket: None,
     // PWM(1) to PWM(12) in hwdef.dat; hwdef-bl.dat does not mention them.
     outputs: &[
         Output::new("PB0", "pad S1"),

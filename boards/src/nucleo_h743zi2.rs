@@ -24,6 +24,7 @@ pub static BOARD: Board = Board {
     ],
     telemetry: Port::new("USB", "USART3", ["PD8", "PD9"], "the ST-Link's virtual COM port", Floats),
     radio: 4,
+    socket: None,
     outputs: &[
         Output::new("PD15", "D9"),
         Output::new("PD14", "D10"),

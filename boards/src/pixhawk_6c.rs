@@ -28,6 +28,7 @@ pub static BOARD: Board = Board {
     telemetry: Port::new("SERIAL1", "UART7", ["PE8", "PE7"], "TELEM1", Listens),
     // Its sockets for receivers hang on the IO processor. TELEM3: the bootloader does not listen there.
     radio: 3,
+    socket: None,
     // PWM(1) to PWM(8) in hwdef.dat. The other eight outputs of the board hang on its IO processor.
     outputs: &[
         Output::low_before("PA8", "FMU PWM OUT 1"),

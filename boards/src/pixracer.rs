@@ -9,8 +9,8 @@
 
 use crate::board::Before::{Floats, Listens};
 use crate::board::{
-    Board, Bootloader, Clock, Fram, Led, Level, Output, Port, PulseInputs, STM32F427VI, TELEMETRY_RTS, Usb,
-    high, low,
+    Board, Bootloader, Clock, Fram, Led, LeftAlone, Level, Output, Port, PulseInputs, STM32F427VI, Socket,
+    TELEMETRY_RTS, Usb, high, low,
 };
 
 pub static BOARD: Board = Board {
@@ -30,9 +30,30 @@ pub static BOARD: Board = Board {
     ],
     // CTS is PD3.
     telemetry: Port::new("SERIAL1", "USART2", ["PD5", "PD6"], "TELEM1", Listens),
-    // Not its socket for receivers (PC7, RX of USART6, with an inverter that PC13 turns on): TX of USART6 is PC6, which switches a
-    // heater (PX4, GPIO_HEATER_OUTPUT of `boards/px4/fmu-v4/src/board_config.h`), and the UART's driver takes both.
     radio: 4,
+    // hwdef.dat has "also USART6_RX for serial RC" at PC7, which ArduPilot itself uses as an input of a timer.
+    //
+    // The level of PC13 (SBUS_INV), from two independent sources that agree:
+    // - PX4, `boards/px4/fmu-v4/src/board_config.h`: the inverter is a 74LVC2G86 (exclusive or), "active high", and
+    //   RC_INVERT_INPUT(true), for SBUS, drives it high; low for all else (`src/drivers/rc_input/RCInput.cpp`).
+    // - ArduPilot holds it low (hwdef.dat), and decodes inverted SBUS from the pulses at PC7 (`AP_RCProtocol_SBUS.cpp`,
+    //   SERIAL_CONFIG_8E2I): low does not invert.
+    // An older PX4 has a comment for boards R07, on which the low level inverts; its code and its comment for R12 are as here.
+    //
+    // PC6 is TX of that UART, and drives a heater high on (PX4, GPIO_HEATER_OUTPUT, "Power down the heater": low). hwdef.dat does
+    // not have it, so ArduPilot leaves it a floating input, and so does this firmware: an output that idles high would heat.
+    //
+    // PB0 seems to be at the same socket: PX4 receives PPM there (GPIO_PPM_IN), and both use it to bind a Spektrum receiver. It stays an
+    // input, as does PE4, which powers Spektrum receivers (SPEKTRUM_PWR).
+    socket: Some(Socket {
+        name: "RC IN",
+        uart: "USART6",
+        rx: "PC7",
+        never_driven: LeftAlone { pin: "PC6", why: "it switches a heater" },
+        inverter: "PC13",
+        inverts_at: Level::High,
+        signal: "SBUS_INV",
+    }),
     // PWM(1) to PWM(6) in hwdef.dat; hwdef-bl.dat does not mention them.
     outputs: &[
         Output::new("PE14", "servo output 1"),

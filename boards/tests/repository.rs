@@ -1,6 +1,6 @@
 //! The boards in the rest of the repository, compared with the table.
 
-use boards::{BOARDS, Before, Board, Clock, Divider, Fram, PulseInputs, Usb};
+use boards::{BOARDS, Before, Board, Clock, Divider, Fram, PulseInputs, Socket, Usb};
 
 const CARGO: &str = include_str!("../../Cargo.toml");
 const README: &str = include_str!("../../README.md");
@@ -48,8 +48,13 @@ fn names_ports_and_pins_are_there_once() {
             all.dedup();
             assert_eq!(all.len(), count, "{}: {what}", board.name);
         };
-        unique("names", ports.iter().map(|port| port.name).collect());
-        unique("UARTs", ports.iter().map(|port| port.uart).collect());
+        let socket = board.socket.iter();
+        let names = ports.iter().map(|port| port.name).chain(socket.clone().map(|socket| socket.name));
+        unique("names", names.collect());
+        let uarts = ports.iter().map(|port| port.uart).chain(socket.clone().map(|socket| socket.uart));
+        unique("UARTs", uarts.collect());
+        // The one that nothing drives is among them, so nothing else of the table has it.
+        let socket = socket.flat_map(|socket| [socket.rx, socket.never_driven.pin, socket.inverter]);
         let pins = ports.iter().flat_map(|port| [port.rx, port.tx]);
         let held: Vec<_> = board.held().map(|hold| hold.pin).collect();
         let outputs = board.outputs.iter().map(|output| output.pin);
@@ -57,9 +62,9 @@ fn names_ports_and_pins_are_there_once() {
         let fram = board.fram.iter().flat_map(|fram| fram.pins());
         let driven = [board.led.pin].into_iter().chain(held).chain(outputs);
         let usb = [board.usb.minus, board.usb.plus];
-        unique("pins", pins.chain(driven).chain(supply).chain(fram).chain(usb).collect());
-        // src/config.rs has at most one digit for them.
-        assert!((1..=9).contains(&board.ports.len()), "{}", board.name);
+        unique("pins", pins.chain(driven).chain(supply).chain(fram).chain(usb).chain(socket).collect());
+        // src/config.rs has at most one digit for them, and for the socket behind them.
+        assert!((1..=8).contains(&board.ports.len()), "{}", board.name);
         unique("outputs", board.outputs.iter().map(|output| output.label).collect());
     }
 }
@@ -153,9 +158,19 @@ fn section(board: &Board) -> String {
         );
         rows += &if bootloader { format!(" {tx} | {ecu} |\n") } else { "\n".into() };
     }
+    if let Some(Socket { name, uart, rx, never_driven, .. }) = board.socket {
+        let number = board.ports.len();
+        rows += &format!("| {number} | {name} | {uart} | none: {} | {rx} |", never_driven.pin);
+        rows += " a receiver of radio control, nothing else |";
+        rows += if bootloader { " floats | no ECU there |\n" } else { "\n" };
+    }
     let radio = board.ports[usize::from(board.radio)];
     let lines = if board.chip.family.inverts() { "SBUS or CRSF" } else { "CRSF, or SBUS behind an inverter" };
-    rows += &format!("\nReceiver for radio control: port {}, {} ({lines}).", board.radio, radio.label);
+    rows += "\nReceiver for radio control: ";
+    if let Some(Socket { name, .. }) = board.socket {
+        rows += &format!("port {}, {name} (SBUS or CRSF); or ", board.ports.len());
+    }
+    rows += &format!("port {}, {} ({lines}).", board.radio, radio.label);
     // The engines on ports 0 to 3 in src/config.rs.
     if let Some(engine) = ["left", "right", "centre", "booster"].get(usize::from(board.radio)) {
         rows += &format!(" **The default table of engines has `{engine}` there**");
@@ -163,6 +178,13 @@ fn section(board: &Board) -> String {
         rows += " remove its row ([how](rc.md#on-a-board)).";
     }
     rows += "\n";
+    if let Some(Socket { name, uart, never_driven, inverter, inverts_at, signal, .. }) = board.socket {
+        let level = format!("{inverts_at:?}").to_lowercase();
+        rows += &format!(
+            "\nThe inverter of {name}: {inverter} ({signal}), {level} inverts. It is driven only with a receiver there. "
+        );
+        rows += &format!("{}, TX of {uart}, is never driven: {}.\n", never_driven.pin, never_driven.why);
+    }
     rows += &outputs(board);
     if let Some(PulseInputs { timer, pins, .. }) = board.pulses {
         let pads = pins.map(|pin| board.outputs.iter().find(|output| output.pin == pin).unwrap().label);

@@ -164,7 +164,14 @@ impl Svg {
         self.text(56, y + 2 * ROW + 28, 14, "start", 2, "which ones: docs/rc.md");
         self.text(ECU_LEFT + 16, y + 2 * ROW + 5, 14, "start", 2, "supply: as its maker asks");
         self.text(ECU_LEFT + 16, y + 2 * ROW + 28, 14, "start", 4, "off: no pulses, no preset values");
-        self.text(BOARD_RIGHT + 40, y + 2 * ROW, 15, "start", 4, "SBUS on an STM32F427: an inverter between");
+        self.text(
+            BOARD_RIGHT + 40,
+            y + 2 * ROW,
+            15,
+            "start",
+            4,
+            "SBUS on an ECU port of an STM32F427: an inverter between",
+        );
     }
 
     /// TX, RX and ground from one x to another.
@@ -178,9 +185,13 @@ impl Svg {
 /// The list of a board's ports.
 fn ports(board: &Board) -> Vec<String> {
     let ports = board.ports.iter().enumerate().map(|(number, port)| (format!("port {number}"), port));
+    let socket = |socket: boards::Socket| {
+        format!("port {}, no ECU: RX {}, {}, a receiver", board.ports.len(), socket.rx, socket.name)
+    };
     ports
         .chain([("MAVLink, no ECU".to_owned(), &board.telemetry)])
         .map(|(name, port)| format!("{name}: TX {}, RX {}, {}", port.tx, port.rx, port.label))
+        .chain(board.socket.map(socket))
         .collect()
 }
 
@@ -239,7 +250,7 @@ fn drawing(colours: Colours) -> String {
         let (column, end) = ends.iter_mut().enumerate().min_by_key(|(_, end)| **end).expect("two columns");
         let x = 40 + 570 * column as u32;
         let mut y = *end + LINE;
-        *end += LINE * (board.ports.len() as u32 + 3);
+        *end += LINE * (ports(board).len() as u32 + 2);
         svg.text(x, y, 15, "start", 1, board.title);
         for port in ports(board) {
             y += LINE;

@@ -66,11 +66,12 @@ impl Protocol {
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct RadioConfig<const N: usize> {
-    /// ECU port of the board that the receiver uses, from 0. No engine uses it. Servo pulses need no port.
+    /// ECU port of the board that the receiver uses, from 0, or the number behind them for the board's socket for a receiver, if it has
+    /// one. No engine uses it. Servo pulses need no port.
     pub port: u8,
     /// Protocol.
     pub protocol: Protocol,
-    /// The line is inverted, and the board's UART inverts it back. Not every chip's UART can.
+    /// The line is inverted, and the board's UART, or the inverter at its socket, inverts it back. Not every chip's UART can.
     pub inverted: bool,
     /// What its channels do for each engine, in the order of the table of engines.
     pub engines: [EngineSettings; N],
@@ -92,7 +93,7 @@ impl<const N: usize> RadioConfig<N> {
         Self { port: 0, protocol: Protocol::Pwm, inverted: false, engines }
     }
 
-    /// The ECU port that the receiver uses, if any.
+    /// The port that the receiver uses, if any.
     pub const fn uart(&self) -> Option<u8> {
         if self.protocol.line().is_some() { Some(self.port) } else { None }
     }

@@ -37,6 +37,7 @@ mod port;
 pub mod pulses;
 #[cfg(feature = "board-qemu-mps2")]
 mod qemu_mps2;
+pub mod receiver;
 mod retained;
 #[cfg(all(feature = "selftest", feature = "stm32"))]
 pub mod selftest;

@@ -19,6 +19,7 @@
 
 use super::chip::{self, TransmissionEnd, Transmitter};
 use super::format::Format;
+use super::table::PORTS;
 use core::marker::PhantomData;
 use core::sync::atomic::{AtomicU32, Ordering};
 use embassy_stm32::{
@@ -73,9 +74,15 @@ const WRITE: usize = if jetlink_mavlink::runner::WRITE > 6 * MAX_TRANSMISSION {
     6 * MAX_TRANSMISSION
 };
 
-/// Whether a receiver is on one of them.
-const HAS_RECEIVER: bool = match &RADIO {
-    Some(radio) => radio.uart().is_some(),
+/// Port of a receiver, if it uses a UART.
+const RECEIVER: Option<u8> = match &RADIO {
+    Some(radio) => radio.uart(),
+    None => None,
+};
+
+/// Whether a receiver is on one of these ports, and not on the board's socket for it.
+const HAS_RECEIVER: bool = match RECEIVER {
+    Some(port) => (port as usize) < PORTS.len(),
     None => false,
 };
 
@@ -222,7 +229,7 @@ pub fn config(format: Format) -> Config {
     // An open input must be high, like an idle line.
     config.rx_pull = embassy_stm32::gpio::Pull::Up;
     // Nothing else is not 8N1 or 8N2, or is inverted.
-    if HAS_RECEIVER {
+    if RECEIVER.is_some() {
         if format.even_parity {
             config.parity = Parity::ParityEven;
         }

@@ -13,7 +13,11 @@ use embassy_stm32::{
     Config,
     interrupt, // the module and the attribute
     interrupt::Interrupt,
-    pac::{self, DBGMCU, EXTI, FLASH, PWR, RCC, rcc::vals::Sw, usart::Usart},
+    pac::{
+        self, DBGMCU, EXTI, FLASH, PWR, RCC,
+        rcc::vals::Sw,
+        usart::{Usart, regs::Sr},
+    },
     peripherals,
     rcc::{AHBPrescaler, APBPrescaler, Hse, Pll, PllMul, PllPDiv, PllPreDiv, PllQDiv, PllSource, Sysclk},
 };
@@ -49,13 +53,32 @@ unsafe fn CAN2_SCE() {
 /// The error flags that are set in a UART. Does not clear them: only a subsequent read of the data register
 /// does.
 pub fn line_errors(uart: Usart) -> [(bool, LineError); 4] {
-    let status = uart.sr().read();
+    errors_of(uart.sr().read())
+}
+
+fn errors_of(status: Sr) -> [(bool, LineError); 4] {
     [
         (status.fe(), LineError::Framing),
         (status.ne(), LineError::Noise),
         (status.ore(), LineError::Overrun),
         (status.pe(), LineError::Parity),
     ]
+}
+
+/// Takes what a UART without a driver has received, with the errors of it. Writes no status register: a read of it and then of the data register
+/// clears the flags (RM0090, 30.6.1).
+#[cfg(board_socket)]
+pub fn receive(uart: Usart) -> ([(bool, LineError); 4], Option<u8>) {
+    let status = uart.sr().read();
+    // Without either there is nothing to clear, and a byte that ends just now has to stay.
+    let byte = (status.rxne() || status.ore()).then(|| uart.dr().read().dr() as u8);
+    (errors_of(status), byte.filter(|_| status.rxne()))
+}
+
+/// Has a UART interrupt at each byte that it receives or loses.
+#[cfg(board_socket)]
+pub fn interrupt_at_each_byte(uart: Usart) {
+    uart.cr1().modify(|w| w.set_rxneie(true));
 }
 
 /// Its UARTs cannot invert what they receive: the firmware does not build with a receiver that needs it (`INVERTS_RX`).

@@ -13,6 +13,7 @@ macro_rules! board {
         uarts: [$($each:ident $rx:ident $tx:ident,)*],
         outputs: [$($out:ident $out_gpio:ident $out_number:literal $out_label:literal $out_low:literal,)*],
         pulses: [$($timer:ident $captured:ident $($in:ident $in_gpio:ident $in_number:literal $in_output:literal,)*)?],
+        socket: [$($socket:literal $socket_uart:ident $socket_rx:ident $left_alone:ident $inverter:ident $inverts_at:ident)?],
         supply: [$($supply:ident $tenths:literal)?],
         fram: [$($spi:ident $sck:ident $miso:ident $mosi:ident $select:ident)?],
         usb: $minus:ident $plus:ident,
@@ -91,6 +92,46 @@ macro_rules! board {
                     if let Some(take) = TAKER.lock(Cell::get) {
                         take();
                     }
+                }
+            }
+        )?
+
+        /// The socket for a receiver.
+        $(
+            pub mod socket {
+                use embassy_stm32::{Peri, gpio::Level, interrupt, pac::{self, usart::Usart}, peripherals};
+
+                /// Its name.
+                pub const NAME: &str = $socket;
+
+                /// The registers of its UART.
+                pub const REGISTERS: Usart = pac::$socket_uart;
+
+                /// Level of the inverter's pin at which it inverts.
+                pub const INVERTS_AT: Level = Level::$inverts_at;
+
+                /// The UART, its receiving pin, and the pin of the inverter.
+                ///
+                /// # Safety
+                /// Nothing else uses them.
+                pub unsafe fn steal() -> (
+                    Peri<'static, peripherals::$socket_uart>,
+                    Peri<'static, peripherals::$socket_rx>,
+                    Peri<'static, peripherals::$inverter>,
+                ) {
+                    // SAFETY: the caller guarantees it.
+                    unsafe {
+                        (
+                            peripherals::$socket_uart::steal(),
+                            peripherals::$socket_rx::steal(),
+                            peripherals::$inverter::steal(),
+                        )
+                    }
+                }
+
+                #[interrupt]
+                fn $socket_uart() {
+                    super::super::receiver::on_interrupt();
                 }
             }
         )?
@@ -199,6 +240,8 @@ macro_rules! board {
             let _taken = ($((p.$each, p.$rx, p.$tx)),*);
             let _outputs = ($(p.$out,)*);
             $(let _supply = p.$supply;)?
+            // The pin that is left alone is one of them: nothing else of the table can drive it.
+            $(let _socket = (p.$socket_uart, p.$socket_rx, p.$left_alone, p.$inverter);)?
             $(let _fram = (p.$spi, p.$sck, p.$miso, p.$mosi, p.$select);)?
             let _usb = (p.$minus, p.$plus);
             Ready {
