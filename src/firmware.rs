@@ -62,7 +62,7 @@ const RADIO_PORT: Option<(usize, Format)> = match &RADIO {
             );
             assert!(
                 on_socket || !radio.inverted || board::INVERTS_RX,
-                "the receiver's line is inverted, and this chip's UARTs cannot invert it back"
+                "the receiver's line is inverted, and this chip's UARTs cannot invert it back: docs/rc.md has the ports that can"
             );
             Some((radio.port as usize, Format::of_radio(line, radio.inverted)))
         }

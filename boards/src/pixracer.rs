@@ -41,7 +41,8 @@ pub static BOARD: Board = Board {
     // An older PX4 has a comment for boards R07, on which the low level inverts; its code and its comment for R12 are as here.
     //
     // PC6 is TX of that UART, and drives a heater high on (PX4, GPIO_HEATER_OUTPUT, "Power down the heater": low). hwdef.dat does
-    // not have it, so ArduPilot leaves it a floating input, and so does this firmware: an output that idles high would heat.
+    // not have it, so ArduPilot leaves it a floating input, and so does this firmware: an output that idles high would heat. An older
+    // PX4 has it as GPIO_RC_OUT, "serial RC output", to bind receivers.
     //
     // PB0 seems to be at the same socket: PX4 receives PPM there (GPIO_PPM_IN), and both use it to bind a Spektrum receiver. It stays an
     // input, as does PE4, which powers Spektrum receivers (SPEKTRUM_PWR).

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 pub const RELEASE: &str = "release";
 
 /// The images of `cargo emu-run`: that one, and the others by their features. A test of the emulator compares them.
-pub const IMAGES: [&str; 13] = [
+pub const IMAGES: [&str; 15] = [
     RELEASE,
     "demo",
     "all-ports",
@@ -18,6 +18,8 @@ pub const IMAGES: [&str; 13] = [
     "ardupilot-bootloader",
     "selftest",
     "radio-crsf",
+    "radio-socket",
+    "radio-socket-crsf",
     "radio-pwm",
     "outputs",
     "outputs-ardupilot",

@@ -6,14 +6,15 @@
 //!   bytes at any rate, so only this check shows a wrong one.
 //! - The pins of every port in use are assigned to their UART, those of an F-RAM to their SPI. The emulated peripherals
 //!   ignore this.
+//! - TX of the UART behind a board's socket for a receiver is never driven; its inverter is only with a receiver there.
 //! - Each fuel valve is closed 10 ms after a stop, also over resets, opens only with a run that is sent, and cuts off no engine that is
 //!   ordered to run. Starter and ignition have power from armed until the engine is cold and at rest, also after a stop and over a reset. An
 //!   image without outputs drives none of their pins.
 
-use crate::board::{Board, Pin};
+use crate::board::{Board, Pin, Socket};
 use crate::report::Report;
-use crate::valves;
 use crate::wire::{Fate, Tx, Wire};
+use crate::{pins, valves};
 use rigless::device::ResetCause;
 
 /// What a run expects.
@@ -29,7 +30,8 @@ pub(crate) fn of(report: &mut Report, expected: &Expected) -> Vec<String> {
     for (port, wire) in report.wires() {
         complaints.extend(byte_times(report.board, port, wire));
     }
-    complaints.extend(pins(report));
+    complaints.extend(assigned_pins(report));
+    complaints.extend(left_alone(report));
     complaints.extend(valves::complaints(report, expected.errors));
     complaints
 }
@@ -132,7 +134,20 @@ fn byte_times(board: &Board, port: &str, wire: &Wire) -> Vec<String> {
     complaints
 }
 
-fn pins(report: &mut Report) -> Vec<String> {
+/// TX of the socket's UART is never driven, and its inverter only with a receiver there.
+fn left_alone(report: &Report) -> Vec<String> {
+    let Some(Socket { port, inverter, .. }) = report.board.socket else { return Vec::new() };
+    let inverter = Some(inverter).filter(|_| !report.image.is_on_socket());
+    let all = [Some((port.tx.port, port.tx.number)), inverter].into_iter().flatten();
+    let taken = all.filter_map(|pin| Some((pin, pins::taken(report, pin)?)));
+    taken
+        .map(|((name, number), at)| {
+            format!("P{name}{number}, which has to be left alone, is driven at {at} ns")
+        })
+        .collect()
+}
+
+fn assigned_pins(report: &mut Report) -> Vec<String> {
     let (board, at) = (report.board, report.at);
     let fram_in_use = report.logged("settings: in an F-RAM");
     let used: Vec<_> = report.wires().map(|(port, _)| port).collect();
@@ -144,6 +159,8 @@ fn pins(report: &mut Report) -> Vec<String> {
     };
     let ports = board.ports.iter().chain([&board.telemetry]).filter(|port| used.contains(&port.name));
     let ports = ports.flat_map(|port| [(port.name, port.rx), (port.name, port.tx)]);
+    let socket = board.socket.map(|socket| (socket.port.name, socket.port.rx));
+    let ports = ports.chain(socket.filter(|_| report.image.is_on_socket()));
     let fram = board.fram.filter(|_| fram_in_use);
     let fram = fram.iter().flat_map(|fram| fram.pins).map(|pin| ("F-RAM", pin));
     for (name, pin) in ports.chain(fram) {

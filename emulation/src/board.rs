@@ -73,6 +73,17 @@ pub struct Inputs {
     pub pins: [Pin; 4],
 }
 
+/// A socket for a receiver of radio control, with an inverter between it and its UART.
+#[derive(Clone, Copy, Debug)]
+pub struct Socket {
+    /// Its port. The UART's TX pin has another use: nothing may drive it.
+    pub port: Port,
+    /// GPIO port and number of the pin that switches the inverter.
+    pub inverter: (char, u8),
+    /// Level of that pin which inverts.
+    pub inverts_at: bool,
+}
+
 /// A timer that catches pulses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[expect(missing_docs, reason = "ST's names")]
@@ -161,6 +172,8 @@ pub struct Board {
     pub telemetry: Port,
     /// Name of the ECU port that a receiver of radio control uses.
     pub radio: &'static str,
+    /// Socket for a receiver alone, if it has one.
+    pub socket: Option<Socket>,
     /// The UARTs can invert what they receive.
     pub inverts: bool,
     /// Outputs for valves and power, by number.
@@ -208,8 +221,14 @@ impl Board {
     /// # Panics
     /// If the board has none.
     pub fn port(&self, name: &str) -> &Port {
-        let mut all = self.ports.iter().chain([&self.telemetry]);
+        let mut all = self.all_ports();
         all.find(|port| port.name == name).unwrap_or_else(|| panic!("{} has no port {name}", self.name))
+    }
+
+    /// The ECU ports, that of MAVLink, and that of the socket.
+    pub fn all_ports(&self) -> impl Iterator<Item = &Port> {
+        let socket = self.socket.iter().map(|socket| &socket.port);
+        self.ports.iter().chain([&self.telemetry]).chain(socket)
     }
 
     /// Whether it is the first board of its part, which runs every image; the others run the release image.
@@ -283,6 +302,7 @@ const H743: Board = Board {
     ],
     telemetry: own(port("SERIAL1", Uart::Uart7, 100 * MHZ, pin('E', 7, 7), pin('E', 8, 7))),
     radio: "SERIAL7",
+    socket: None,
     inverts: true,
     // S1 to S12
     outputs: &[
@@ -339,6 +359,12 @@ pub static PIXRACER: Board = Board {
     ],
     telemetry: own(port("SERIAL1", Uart::Usart2, 42 * MHZ, pin('D', 6, 7), pin('D', 5, 7))),
     radio: "SERIAL6",
+    // RC_INPUT by an exclusive or with SBUS_INV; the high level inverts.
+    socket: Some(Socket {
+        port: port("RC IN", Uart::Usart6, 84 * MHZ, pin('C', 7, 8), pin('C', 6, 8)),
+        inverter: ('C', 13),
+        inverts_at: true,
+    }),
     inverts: false,
     outputs: &[
         output('E', 14),

@@ -15,7 +15,7 @@ use rigless::soc::stm32h743::peripherals as h743;
 use rigless::soc::{Bus, Width};
 use rigless::time::VirtualNanos;
 
-use crate::board::{Board, Divider, Inputs, Part, Timer, Uart};
+use crate::board::{Board, Divider, Inputs, Part, Socket, Timer, Uart};
 use crate::cpu;
 use crate::fram::Fram;
 use crate::pulses::PulseReceiver;
@@ -115,8 +115,23 @@ pub struct Rig {
     wired: Vec<Uart>,
     /// A receiver with servo pulses, and its wires.
     pulses: Option<(PulseReceiver, Inputs)>,
+    /// Inverter of the board's socket for a receiver.
+    inverter: Option<Inverter>,
     /// The crystal does not start.
     pub dead_crystal: bool,
+}
+
+/// An inverter between a receiver's line and its UART. The emulated UART carries words whatever the level, so a line of the wrong level, or
+/// one whose inverter nobody drives, is a line that is cut.
+#[derive(Clone, Copy, Debug)]
+struct Inverter {
+    uart: Uart,
+    /// MODER and ODR of the port of its pin, the number of the pin, and the level that makes a good line of this one.
+    registers: [u64; 2],
+    number: u8,
+    good: bool,
+    /// Whether bytes go through, as far as known.
+    passes: Option<bool>,
 }
 
 impl Store for Rig {} // no snapshots
@@ -156,6 +171,7 @@ impl Rig {
             instructions_per_second,
             wired: Vec::new(),
             pulses: None,
+            inverter: None,
             dead_crystal: false,
         }
     }
@@ -212,6 +228,31 @@ impl Rig {
             if let Some(wire) = self.wire(self.wired[i]) {
                 act(wire);
             }
+        }
+    }
+
+    /// Puts the inverter of a socket between its UART and a line, which may be inverted.
+    pub fn attach_inverter(&mut self, socket: Socket, inverted: bool, gpio: u64) {
+        let (port, number) = socket.inverter;
+        let port = gpio + 0x400 * u64::from(port as u8 - b'A');
+        self.inverter = Some(Inverter {
+            uart: socket.port.uart,
+            registers: [port, port + 0x14],
+            number,
+            good: inverted == socket.inverts_at,
+            passes: None,
+        });
+    }
+
+    /// Looks at the pin of the inverter.
+    fn look_at_inverter(&mut self, now: u64) {
+        let Some(Inverter { uart, registers, number, good, passes }) = self.inverter else { return };
+        let [mode, data] = registers.map(|register| self.peek(now, register).expect("a GPIO port"));
+        let is_output = mode >> (2 * number) & 0b11 == 0b01;
+        let pass = is_output && (data >> number & 1 == 1) == good;
+        if passes != Some(pass) {
+            self.cut(uart, !pass);
+            self.inverter = Some(Inverter { uart, registers, number, good, passes: Some(pass) });
         }
     }
 
@@ -274,6 +315,7 @@ impl Rig {
 
     /// Advances the far ends to `now`.
     pub fn reached(&mut self, now: u64) {
+        self.look_at_inverter(now);
         self.wires(|wire| wire.reached(now));
         if let Some((receiver, inputs)) = &mut self.pulses {
             let (levels, inputs) = (receiver.advance(now), *inputs);

@@ -23,6 +23,10 @@ pub enum Image {
     SelfTest,
     /// With a CRSF receiver and outputs for valves and power (feature `radio-crsf`).
     RadioCrsf,
+    /// With an SBUS receiver on the board's socket for one, and outputs (feature `radio-socket`).
+    RadioSocket,
+    /// The same with a CRSF receiver (feature `radio-socket-crsf`).
+    RadioSocketCrsf,
     /// With servo pulses on the board's inputs for them, and outputs on the remaining pins (feature `radio-pwm`).
     RadioPwm,
     /// With an SBUS receiver and outputs for valves and power (feature `outputs`).
@@ -37,7 +41,7 @@ pub enum Image {
 
 impl Image {
     /// All of them.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 15] = [
         Self::Release,
         Self::Demo,
         Self::AllPorts,
@@ -46,6 +50,8 @@ impl Image {
         Self::Ardupilot,
         Self::SelfTest,
         Self::RadioCrsf,
+        Self::RadioSocket,
+        Self::RadioSocketCrsf,
         Self::RadioPwm,
         Self::Outputs,
         Self::OutputsArdupilot,
@@ -64,6 +70,8 @@ impl Image {
             Self::Ardupilot => Some("ardupilot-bootloader"),
             Self::SelfTest => Some("selftest"),
             Self::RadioCrsf => Some("radio-crsf"),
+            Self::RadioSocket => Some("radio-socket"),
+            Self::RadioSocketCrsf => Some("radio-socket-crsf"),
             Self::RadioPwm => Some("radio-pwm"),
             Self::Outputs => Some("outputs"),
             Self::OutputsArdupilot => Some("outputs-ardupilot"),
@@ -74,7 +82,20 @@ impl Image {
 
     /// Whether it has a receiver, and drives outputs: see [`Image::outputs`].
     pub const fn has_outputs(self) -> bool {
-        matches!(self, Self::RadioCrsf | Self::RadioPwm | Self::Outputs | Self::OutputsArdupilot)
+        let others =
+            matches!(self, Self::RadioCrsf | Self::RadioPwm | Self::Outputs | Self::OutputsArdupilot);
+        others || self.is_on_socket()
+    }
+
+    /// Whether its receiver is on the board's socket for one.
+    pub const fn is_on_socket(self) -> bool {
+        matches!(self, Self::RadioSocket | Self::RadioSocketCrsf)
+    }
+
+    /// Name of the port of its receiver, if it has one.
+    pub fn radio(self, board: &Board) -> &'static str {
+        let socket = board.socket.filter(|_| self.is_on_socket());
+        socket.map_or(board.radio, |socket| socket.port.name)
     }
 
     /// The outputs of a board that it may drive, by number: engine i has its fuel valve on the i-th of them, and after all valves come the
@@ -97,6 +118,7 @@ impl Image {
             Self::OutputsArdupilot => every && has_bootloader,
             Self::PlayEcu => board.name == NUCLEO_H743ZI2.name,
             Self::Supply => board.divider.is_some(),
+            Self::RadioSocket | Self::RadioSocketCrsf => board.socket.is_some(),
             Self::Outputs => every || board.ports[..4].iter().any(|port| port.name == board.radio),
             _ => every,
         })

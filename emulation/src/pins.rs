@@ -26,9 +26,11 @@ impl Level {
 /// Mode, output data, set and reset (MODER, ODR, BSRR).
 const REGISTERS: [u64; 3] = [0x00, 0x14, 0x18];
 
-/// The registers of a board's ports with outputs, to be recorded.
+/// The registers of a board's ports with outputs, and of those of its socket for a receiver, to be recorded.
 pub(crate) fn registers(board: &Board) -> Vec<u64> {
-    let mut ports: Vec<u64> = board.outputs.iter().map(|output| port(board, output.pin.0)).collect();
+    let socket = board.socket.iter().flat_map(|socket| [socket.inverter.0, socket.port.tx.port]);
+    let names = board.outputs.iter().map(|output| output.pin.0).chain(socket);
+    let mut ports: Vec<u64> = names.map(|name| port(board, name)).collect();
     ports.sort_unstable();
     ports.dedup();
     ports.into_iter().flat_map(|port| REGISTERS.map(|register| port + register)).collect()
@@ -39,6 +41,13 @@ fn port(board: &Board, name: char) -> u64 {
     board.gpio + 0x400 * u64::from(name as u8 - b'A')
 }
 
+/// When the firmware first made a pin an output, or gave it to a peripheral (MODER).
+pub(crate) fn taken(report: &Report, (name, bit): (char, u8)) -> Option<Nanos> {
+    let mode = port(report.board, name);
+    let mut writes = report.pins_written.iter().filter(|write| write.register == mode);
+    writes.find(|write| matches!(write.value >> (2 * bit) & 0b11, 0b01 | 0b10)).map(|write| write.at)
+}
+
 /// The history of a pin: its level from each of these times on.
 #[derive(Clone, Debug)]
 pub struct Pin(Vec<(Nanos, Level)>);
@@ -46,7 +55,11 @@ pub struct Pin(Vec<(Nanos, Level)>);
 impl Pin {
     /// An output of the board, by number.
     pub fn output(report: &Report, number: usize) -> Self {
-        let (name, bit) = report.board.outputs[number].pin;
+        Self::of(report, report.board.outputs[number].pin)
+    }
+
+    /// A pin of a port whose registers every run records.
+    pub(crate) fn of(report: &Report, (name, bit): (char, u8)) -> Self {
         let port = port(report.board, name);
         let [mode, data, set] = REGISTERS.map(|register| port + register);
         let (mut is_output, mut high) = (false, false);

@@ -17,6 +17,8 @@ pub struct Receiver {
     pub switch: Position,
     /// The transmitter is on.
     pub transmitter: bool,
+    /// Its line is inverted. Only the inverter of a board's socket takes notice of it.
+    pub inverted: bool,
     /// Pulses of other channels, in µs, by their numbers from 1.
     pub others: Vec<(u8, u16)>,
 }
@@ -31,6 +33,7 @@ impl Receiver {
             stick: 0,
             switch: Position::Stop,
             transmitter: true,
+            inverted: protocol == Protocol::Sbus,
             others: Vec::new(),
         }
     }

@@ -41,6 +41,8 @@ pub struct Run {
     tcp: Option<(&'static str, TcpPeer)>,
     fram: Option<Fram>,
     pulses: Option<PulseReceiver>,
+    /// The receiver's line is inverted.
+    inverted: bool,
     acts: Vec<(Nanos, Act)>,
     taps: Vec<&'static str>,
     registers: Vec<u64>,
@@ -65,6 +67,7 @@ impl Run {
             tcp: None,
             fram: board.fram.map(|fram| (fram.chip)()),
             pulses: None,
+            inverted: false,
             acts: Vec::new(),
             taps: Vec::new(),
             registers: Vec::new(),
@@ -101,9 +104,10 @@ impl Run {
         self
     }
 
-    /// This receiver of radio control on the board's port for it.
-    pub fn radio(self, receiver: Receiver) -> Self {
-        let (port, line) = (self.board.radio, receiver.line());
+    /// This receiver of radio control on the port of the image for it.
+    pub fn radio(mut self, receiver: Receiver) -> Self {
+        let (port, line) = (self.image.radio(self.board), receiver.line());
+        self.inverted = receiver.inverted;
         self.ecu(port, line, receiver)
     }
 
@@ -277,6 +281,9 @@ impl Run {
         for (port, wire) in core::mem::take(&mut self.wires) {
             rig.attach(board.port(port).uart, wire);
         }
+        if let Some(socket) = board.socket {
+            rig.attach_inverter(socket, self.inverted, board.gpio);
+        }
         if let Some((port, peer)) = self.tcp.take() {
             rig.attach_tcp(board.port(port).uart, peer);
         }
@@ -309,6 +316,7 @@ impl Run {
         self.acts.sort_by_key(|act| act.0);
         let hand = Hand {
             board,
+            radio: self.image.radio(board),
             until: self.until,
             most_resets: self.resets_expected + MOST_RESETS,
             acts: self.acts.into(),
@@ -337,7 +345,7 @@ impl Run {
         let mut session = finished.session;
         let resets = session.resets().iter().map(|reset| (reset.at.0, reset.cause)).collect();
         let mut wires = BTreeMap::new();
-        for port in board.ports.iter().chain([&board.telemetry]) {
+        for port in board.all_ports() {
             if let Some(wire) = session.board_mut().wire(port.uart) {
                 wires.insert(port.name, core::mem::replace(wire, Wire::empty()));
             }
@@ -369,6 +377,8 @@ pub struct Bench<'a> {
     now: Nanos,
     instructions: u64,
     board: &'static Board,
+    /// Port of the image's receiver.
+    radio: &'static str,
     session: &'a mut Session<Rig>,
     host: &'a mut dyn Host,
 }
@@ -390,7 +400,7 @@ impl Bench<'_> {
 
     /// The receiver of radio control.
     pub fn radio(&mut self) -> &mut Receiver {
-        self.ecu(self.board.radio)
+        self.ecu(self.radio)
     }
 
     /// The receiver of radio control with servo pulses.
@@ -456,6 +466,14 @@ impl Bench<'_> {
         let (now, chip) = (VirtualNanos(self.now), &mut self.session.board_mut().chip);
         let enabled = chip.peek(now, control, Width::W32).expect("a UART");
         chip.write(now, control, Width::W32, enabled & !(1 << 3)).expect("a UART");
+    }
+
+    /// Changes the level of an output pin behind the firmware's back.
+    pub fn set_pin(&mut self, (port, number): (char, u8), high: bool) {
+        let register = self.board.gpio + 0x400 * u64::from(port as u8 - b'A') + 0x18; // BSRR
+        let bit = 1 << if high { number } else { number + 16 };
+        let (now, chip) = (VirtualNanos(self.now), &mut self.session.board_mut().chip);
+        chip.write(now, register, Width::W32, bit).expect("a GPIO port");
     }
 
     /// From here on the crystal does not start. A running one is not stopped.
@@ -558,6 +576,7 @@ impl Live {
 /// Steers the run: stops it when a far end or the test has something to do, and records what happens.
 struct Hand {
     board: &'static Board,
+    radio: &'static str,
     until: Nanos,
     most_resets: usize,
     acts: VecDeque<(Nanos, Act)>,
@@ -656,7 +675,8 @@ impl Driver<Rig> for Hand {
             && let Some((_, act)) = self.acts.pop_front()
         {
             let instructions = stop.instruction_count;
-            act(&mut Bench { now, instructions, board: self.board, session, host });
+            let (board, radio) = (self.board, self.radio);
+            act(&mut Bench { now, instructions, board, radio, session, host });
         }
         if let Some(live) = &mut self.live {
             live.pace(now);

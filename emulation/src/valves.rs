@@ -81,7 +81,7 @@ fn first_command(report: &Report) -> Option<Nanos> {
     if report.image == Image::RadioPwm {
         return Some(0);
     }
-    let ports = [report.board.radio, report.board.telemetry.name];
+    let ports = [report.image.radio(report.board), report.board.telemetry.name];
     let wires = report.wires().filter(|(port, _)| ports.contains(port));
     wires.filter_map(|(_, wire)| wire.rx.first().map(|rx| rx.end)).min()
 }

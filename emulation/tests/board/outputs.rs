@@ -60,8 +60,11 @@ fn phases(report: &Report) -> [Phase; 2] {
 /// frames have the new value. CRSF has other frames between those of its channels, so the first one may be enough.
 pub fn stop_closes_the_valves_within_10_ms(report: &Report, protocol: Protocol, stop: Nanos) {
     // A frame then on the line still has the previous value.
-    let mut ends =
-        report.wire(report.board.radio).rx.iter().filter(|rx| rx.last && rx.end > stop + 4 * MILLIS);
+    let mut ends = report
+        .wire(report.image.radio(report.board))
+        .rx
+        .iter()
+        .filter(|rx| rx.last && rx.end > stop + 4 * MILLIS);
     let [first, second] = [(); 2].map(|()| ends.next().expect("frames").end);
     let from = if protocol == Protocol::Crsf { first } else { second };
     valves_close(report, stop..stop + SECOND, from..second + 10 * MILLIS);

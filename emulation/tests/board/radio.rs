@@ -4,11 +4,11 @@
 use crate::mavlink;
 use crate::outputs;
 use crate::reply_time::GARBAGE;
-use crate::support::{on_all_boards, on_each_board};
+use crate::support::{on_all_boards, on_boards, on_each_board};
 use emulation::board::Part;
 use emulation::engines::{self, Engine};
 use emulation::receiver::{Position, Protocol, Receiver};
-use emulation::{Board, Image, Report, Run, turnaround};
+use emulation::{Board, Fate, Image, Report, Run, turnaround};
 use sim::amt::{AmtConfig, AmtEcu, EngineModel, Ops};
 use sim::ecu::{MILLIS, Nanos, SECOND};
 use sim::line::Line;
@@ -18,9 +18,13 @@ use sim::zk::{Sw, ZkCommand, ZkEcu};
 /// Both protocols, each with an image that also has a valve for each engine.
 const BOTH: [(Protocol, Image); 2] = [(Protocol::Sbus, Image::Outputs), (Protocol::Crsf, Image::RadioCrsf)];
 
+/// The same on a board's socket for a receiver.
+const ON_SOCKET: [(Protocol, Image); 2] =
+    [(Protocol::Sbus, Image::RadioSocket), (Protocol::Crsf, Image::RadioSocketCrsf)];
+
 /// Those that a board has.
 fn receivers(board: &Board) -> impl Iterator<Item = (Protocol, Image)> {
-    BOTH.into_iter().filter(|which| Image::of(board).any(|image| image == which.1))
+    BOTH.into_iter().chain(ON_SOCKET).filter(|which| Image::of(board).any(|image| image == which.1))
 }
 
 /// Ports of an AMT engine, "left", and of a ZK engine, "booster", on the first board of each part.
@@ -100,7 +104,7 @@ fn stick_and_switch_fly_two_turbines_and_a_lost_receiver_is_silence_without_a_ju
             const UNPLUGGED: Nanos = 36 * SECOND;
             const PLUGGED_IN: Nanos = 39_500 * MILLIS;
             const STOP: Nanos = 41 * SECOND;
-            let (radio, zk) = (board.radio, zk(board));
+            let (radio, zk) = (which.1.radio(board), zk(board));
             let report = run(board, which)
                 .at(3 * SECOND, |bench| bench.radio().switch = Position::Standby)
                 .at(5 * SECOND, |bench| bench.radio().switch = Position::Run)
@@ -120,7 +124,7 @@ fn stick_and_switch_fly_two_turbines_and_a_lost_receiver_is_silence_without_a_ju
                 .until(43 * SECOND)
                 .go();
             outputs::stop_closes_the_valves_within_10_ms(&report, which.0, STOP);
-            let which = format!("{}, {:?}", board.name, which.0);
+            let which = format!("{}, {:?} on {radio}", board.name, which.0);
             for (name, orders) in ["left", zk.name].into_iter().zip(orders(&report)) {
                 let orders_in = |from, to| orders.iter().filter(move |(at, _)| (from..to).contains(at));
                 let before = orders_in(0, 5 * SECOND).all(|(_, order)| !matches!(order, Order::Run(_)));
@@ -157,8 +161,8 @@ fn stick_and_switch_fly_two_turbines_and_a_lost_receiver_is_silence_without_a_ju
 #[test]
 fn a_receiver_plugged_in_at_full_throttle_starts_nothing() {
     on_each_board(|board| {
-        for which in BOTH {
-            let radio = board.radio;
+        for which in receivers(board) {
+            let radio = which.1.radio(board);
             let report = run(board, which)
                 .at(0, |bench| {
                     let radio = bench.radio();
@@ -189,7 +193,8 @@ fn a_receiver_plugged_in_at_full_throttle_starts_nothing() {
 fn the_port_of_a_receiver_has_its_line_settings() {
     on_all_boards(|board| {
         for which in receivers(board) {
-            let port = *board.port(board.radio);
+            let port = *board.port(which.1.radio(board));
+            let socket = board.socket.filter(|_| which.1.is_on_socket());
             let is_sbus = which.0 == Protocol::Sbus;
             let report = run(board, which).until(SECOND).at(SECOND / 2, move |bench| {
                 let control = port.registers() + board.control_register;
@@ -197,6 +202,19 @@ fn the_port_of_a_receiver_has_its_line_settings() {
                 // PCE, PS and M or M0; STOP (RM0090, 30.6; RM0433, 48.8).
                 assert_eq!(cr1 >> 9 & 0b1011, if is_sbus { 0b1010 } else { 0 }, "{}: {cr1:#x}", board.name);
                 assert_eq!(cr2 >> 12 & 0b11, if is_sbus { 0b10 } else { 0 }, "{}: {cr2:#x}", board.name);
+                // RE and TE: a socket only receives.
+                assert_eq!(
+                    cr1 >> 2 & 0b11,
+                    if socket.is_some() { 0b01 } else { 0b11 },
+                    "{}: {cr1:#x}",
+                    board.name
+                );
+                if let Some(socket) = socket {
+                    let (port, number) = socket.inverter;
+                    let levels = bench.register(board.gpio + 0x400 * u64::from(port as u8 - b'A') + 0x14);
+                    let inverts = (levels.expect("GPIO") >> number & 1 == 1) == socket.inverts_at;
+                    assert_eq!(inverts, is_sbus, "{}", board.name);
+                }
                 // RXINV; PUPDR of RX: down where the idle level is low.
                 let inverted = is_sbus && board.inverts;
                 assert_eq!(board.inverts, board.part == Part::H743);
@@ -209,10 +227,54 @@ fn the_port_of_a_receiver_has_its_line_settings() {
                 assert_eq!(pull, if inverted { 0b10 } else { 0b01 }, "{}: {pulls:#x}", board.name);
             });
             let report = report.go();
-            let wire = report.wire(board.radio);
+            let wire = report.wire(which.1.radio(board));
             assert!(!wire.rx.is_empty() && wire.tx.is_empty(), "{}", board.name);
+            assert!(report.logged("radio control: receiving frames"), "{}, {which:?}", board.name);
         }
     });
+}
+
+/// A line that the inverter of the socket turns the wrong way brings nothing: neither an image for SBUS with a receiver that is not inverted, nor one
+/// for CRSF with an inverted one, nor an image whose receiver is elsewhere; and one that is right stops where the pin of the inverter changes.
+#[test]
+fn a_socket_receives_only_while_its_inverter_fits_the_line() {
+    on_boards(
+        |board| board.socket.is_some(),
+        |board| {
+            let socket = board.socket.expect("a socket");
+            let received = |report: &Report, from: Nanos, to: Nanos| {
+                let bytes = report.wire(socket.port.name).rx.iter();
+                bytes.filter(|rx| rx.fate == Fate::Received && (from..to).contains(&rx.start)).count()
+            };
+            for (protocol, image) in ON_SOCKET {
+                for wrong in [true, false] {
+                    let mut receiver = Receiver::new(protocol);
+                    receiver.inverted ^= wrong;
+                    let run = Run::new(board, image).quick_engines().only(&[AMT, zk(board).port]);
+                    let report = run
+                        .radio(receiver)
+                        .at(2 * SECOND, move |bench| {
+                            bench.set_pin(socket.inverter, (protocol == Protocol::Crsf) == socket.inverts_at);
+                        })
+                        .at(3 * SECOND, move |bench| {
+                            bench.set_pin(socket.inverter, (protocol == Protocol::Sbus) == socket.inverts_at);
+                        })
+                        .until(4 * SECOND)
+                        .go();
+                    let [before, meanwhile, after] = [(0, 2), (2, 3), (3, 4)]
+                        .map(|(from, to)| received(&report, from * SECOND, to * SECOND) > 0);
+                    let text = format!("{}, {protocol:?}, wrong: {wrong}", board.name);
+                    assert_eq!([before, meanwhile, after], [!wrong, wrong, !wrong], "{text}");
+                }
+            }
+            // The receiver is on an ECU port in this one.
+            let receiver = Receiver::new(Protocol::Sbus);
+            let run = Run::new(board, Image::Outputs).quick_engines().only(&[AMT, zk(board).port]);
+            let report = run.ecu(socket.port.name, receiver.line(), receiver).until(SECOND).go();
+            assert_eq!(received(&report, 0, SECOND), 0);
+            assert!(!report.logged("receiving frames"));
+        },
+    );
 }
 
 /// How long a reply takes beside a receiver: with none, at its usual pace, with a line that is full, and with every other line full,

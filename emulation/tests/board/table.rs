@@ -43,6 +43,19 @@ fn the_emulators_boards_equal_those_of_the_table() {
         assert_eq!(here.radio, table.ports[usize::from(table.radio)].name, "{name}");
         assert_eq!(here.inverts, table.chip.family.inverts(), "{name}");
 
+        let socket = here.socket.map(|socket| {
+            let (name, uart, rx, tx, _) = names(&socket.port);
+            let inverter = format!("P{}{}", socket.inverter.0, socket.inverter.1);
+            (name, uart, rx, tx, inverter, socket.inverts_at)
+        });
+        let in_table = table.socket.map(|socket| {
+            let boards::Socket { name, uart, rx, never_driven, inverter, inverts_at, .. } = socket;
+            let [name, uart, rx, tx, inverter] =
+                [name, uart, rx, never_driven.pin, inverter].map(str::to_string);
+            (name, uart, rx, tx, inverter, inverts_at == Level::High)
+        });
+        assert_eq!(socket, in_table, "{name}");
+
         let fram = here.fram.map(|fram| {
             let pins = fram.pins.map(|pin| format!("P{}{}", pin.port, pin.number));
             ("SPI2", pins, format!("P{}{}", fram.select.0, fram.select.1))
