@@ -69,8 +69,8 @@ pub const MAVLINK: NodeSettings = NodeSettings::DEFAULT;
 #[cfg(target_os = "none")]
 pub const MAVLINK_ENGINES: [MavlinkSettings; ENGINES.len()] = [MavlinkSettings::DEFAULT; ENGINES.len()];
 
-/// Receiver of radio control, on an ECU port without an engine or on the board's socket for one, and what its channels do for each engine, in the order of
-/// [`ENGINES`]: see `docs/rc.md`. For example `Some(RadioConfig::sbus(5, [EngineSettings::DEFAULT; ENGINES.len()]))`.
+/// Receiver of radio control, on an ECU port without an engine or on the board's socket for one, and what its channels do for each engine, in
+/// the order of [`ENGINES`]: see `docs/rc.md`. For example `Some(RadioConfig::sbus(5, [EngineSettings::DEFAULT; ENGINES.len()]))`.
 #[cfg(not(any(feature = "radio-sbus", feature = "radio-crsf", feature = "radio-pwm")))]
 pub const RADIO: Option<RadioConfig<{ ENGINES.len() }>> = None;
 

@@ -106,7 +106,7 @@ mod socket {
                 ERRORS.count(error);
             }
         }
-        // Nobody has read for 28 ms of SBUS or more.
+        // Nobody has read as many as there is room for.
         if byte.is_some_and(|byte| BYTES.try_write(&[byte]).is_err()) {
             ERRORS.count(LineError::Overrun);
         }
