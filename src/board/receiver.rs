@@ -19,7 +19,7 @@ pub struct ReceiverPort<R> {
 pub fn of_ecu_port(port: EcuPort) -> ReceiverPort<impl Read> {
     let EcuPort { rx, tx, errors, .. } = port;
     // Dropped, TX would float.
-    core::mem::forget(tx);
+    let _open = core::mem::ManuallyDrop::new(tx);
     ReceiverPort { rx, errors }
 }
 
