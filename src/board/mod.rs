@@ -42,6 +42,8 @@ mod retained;
 #[cfg(all(feature = "selftest", feature = "stm32"))]
 pub mod selftest;
 pub mod settings;
+#[cfg(board_socket)]
+mod socket;
 pub mod stack;
 mod start;
 #[cfg(feature = "stm32")]

@@ -19,7 +19,6 @@
 
 use super::chip::{self, TransmissionEnd, Transmitter};
 use super::format::Format;
-use super::table::PORTS;
 use core::marker::PhantomData;
 use core::sync::atomic::{AtomicU32, Ordering};
 use embassy_stm32::{
@@ -74,15 +73,22 @@ const WRITE: usize = if jetlink_mavlink::runner::WRITE > 6 * MAX_TRANSMISSION {
     6 * MAX_TRANSMISSION
 };
 
+/// Number of the ECU ports (build.rs), which is that of the board's socket for a receiver as a port.
+const ECU_PORTS: u8 = env!("JETLINK_PORTS").as_bytes()[0] - b'0';
+
 /// Port of a receiver, if it uses a UART.
 const RECEIVER: Option<u8> = match &RADIO {
     Some(radio) => radio.uart(),
     None => None,
 };
 
+/// Whether a receiver is on the board's socket for it.
+#[cfg(board_socket)]
+pub const SOCKET_IN_USE: bool = RECEIVER.is_some() && !HAS_RECEIVER;
+
 /// Whether a receiver is on one of these ports, and not on the board's socket for it.
 const HAS_RECEIVER: bool = match RECEIVER {
-    Some(port) => (port as usize) < PORTS.len(),
+    Some(port) => port < ECU_PORTS,
     None => false,
 };
 

@@ -131,7 +131,7 @@ macro_rules! board {
 
                 #[interrupt]
                 fn $socket_uart() {
-                    super::super::receiver::on_interrupt();
+                    super::super::socket::on_interrupt(REGISTERS);
                 }
             }
         )?
