@@ -137,7 +137,7 @@ fn byte_times(board: &Board, port: &str, wire: &Wire) -> Vec<String> {
 /// TX of the socket's UART is never driven, and its inverter only with a receiver there.
 fn left_alone(report: &Report) -> Vec<String> {
     let Some(Socket { port, inverter, .. }) = report.board.socket else { return Vec::new() };
-    let inverter = Some(inverter).filter(|_| !report.image.is_on_socket());
+    let inverter = (!report.image.is_on_socket()).then_some(inverter);
     let all = [Some((port.tx.port, port.tx.number)), inverter].into_iter().flatten();
     let taken = all.filter_map(|pin| Some((pin, pins::taken(report, pin)?)));
     taken
