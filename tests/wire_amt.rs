@@ -2,6 +2,7 @@
 //! window and is the judge: `in_window`, `late`, `none` and `unsolicited` are its counts, not ours.
 #![allow(clippy::disallowed_methods, reason = "a scenario keeps its own time")]
 
+use bench::rows::simulated_as;
 use bench::wired::{Bench, LONG, control_frames, received, throttle_percent};
 use embassy_futures::join::join;
 use embassy_futures::select::{Either, select};
@@ -13,15 +14,14 @@ use jetlink::ecu::{Faults, Service, amt};
 use jetlink::event::Event;
 use jetlink::line::Line;
 use jetlink::report::{LinkState, NotSent, Phase};
-use sim::amt::{AmtConfig, AmtEcu, Ops, Stats, error};
+use sim::amt::{AmtEcu, Ops, Stats, error};
 use sim::any::Protocol;
 use sim::control;
 use sim::wire::{Babble, Direction, Entry, Faults as Noise, FramingAs};
 
 fn bench(baud: u32, seed: u64) -> Bench<AmtEcu> {
     let config = EngineConfig::amt("amt", 0, Line::new(baud), None);
-    let ecu = AmtConfig::new(sim::amt::EngineModel::Olympus).on(sim::line_of!(config.line));
-    Bench::new(&config, AmtEcu::new(ecu), seed)
+    Bench::new(&config, AmtEcu::new(simulated_as(&config)), seed)
 }
 
 fn stats(bench: &Bench<AmtEcu>) -> Stats {

@@ -2,6 +2,7 @@
 //! telemetry.
 #![allow(clippy::disallowed_methods, reason = "a scenario keeps its own time")]
 
+use bench::rows::simulated_as;
 use bench::wired::{Bench, LONG, rpm};
 use embassy_time::{Duration, Instant, Timer};
 use jetlink::command::Origin;
@@ -9,23 +10,14 @@ use jetlink::config::EngineConfig;
 use jetlink::ecu::amt::codec::EngineModel;
 use jetlink::engine::config::Governor;
 use jetlink::line::Line;
-use sim::amt::{AmtConfig, AmtEcu};
+use sim::amt::AmtEcu;
 
-const ENGINES: [(sim::amt::EngineModel, EngineModel, u32); 2] = [
-    (sim::amt::EngineModel::Olympus, EngineModel::Olympus, 108_500),
-    (sim::amt::EngineModel::Titan, EngineModel::Titan, 96_000),
-];
+const ENGINES: [(EngineModel, u32); 2] = [(EngineModel::Olympus, 108_500), (EngineModel::Titan, 96_000)];
 
-fn bench(
-    engine: sim::amt::EngineModel,
-    known: Option<EngineModel>,
-    baud: u32,
-    governor: Governor,
-) -> Bench<AmtEcu> {
-    let mut config = EngineConfig::amt("amt", 0, Line::new(baud), known);
+fn bench(engine: EngineModel, baud: u32, governor: Governor) -> Bench<AmtEcu> {
+    let mut config = EngineConfig::amt("amt", 0, Line::new(baud), Some(engine));
     config.supervision.governor = Some(governor);
-    let ecu = AmtConfig::new(engine).on(sim::line_of!(config.line));
-    Bench::new(&config, AmtEcu::new(ecu), 1)
+    Bench::new(&config, AmtEcu::new(simulated_as(&config)), 1)
 }
 
 fn true_rpm(bench: &Bench<AmtEcu>) -> f64 {
@@ -75,11 +67,11 @@ async fn step(bench: &Bench<AmtEcu>, target: u32, time: Duration) -> Figures {
 #[test]
 fn it_holds_a_speed_without_overshoot() {
     let (mut slowest, mut highest, mut rest) = (0.0f64, 0.0f64, 0.0f64);
-    for (engine, known, max) in ENGINES {
+    for (engine, max) in ENGINES {
         for (baud, phase) in
             [2400, 9600].into_iter().flat_map(|baud| [0, 31, 62, 93].map(|phase| (baud, phase)))
         {
-            let bench = bench(engine, Some(known), baud, Governor::DEFAULT);
+            let bench = bench(engine, baud, Governor::DEFAULT);
             bench.play(LONG, async {
                 bench.start().await;
                 Timer::after(Duration::from_millis(phase)).await;
@@ -87,7 +79,7 @@ fn it_holds_a_speed_without_overshoot() {
                 step(&bench, max / 100 * before, Duration::from_secs(30)).await;
                 for percent in [90, 40, 65, 90, 65, 40, 50, 60, 70, 80, 90, 80, 70, 60, 50, 40] {
                     let figures = step(&bench, max / 100 * percent, Duration::from_secs(25)).await;
-                    println!("{known:?} {baud} {phase} ms: {before} % to {percent} %: {figures:.2?}");
+                    println!("{engine:?} {baud} {phase} ms: {before} % to {percent} %: {figures:.2?}");
                     slowest = slowest.max(figures.settled);
                     highest = highest.max(figures.overshoot);
                     rest = rest.max(figures.rest);

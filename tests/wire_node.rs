@@ -1,6 +1,7 @@
 //! Resets and groups over the wire: the firmware's node on one end, simulated ECUs on the other, in virtual time.
 #![allow(clippy::disallowed_methods, reason = "a scenario keeps its own time")]
 
+use bench::rows::{simulated_as, wire};
 use bench::wired::{LONG, command_as, received, throttle_percent};
 use embassy_futures::join::join;
 use embassy_futures::select::{Either, select};
@@ -17,29 +18,23 @@ use jetlink::node::Node;
 use jetlink::report::Phase;
 use jetlink::runner::LineErrors;
 use jetlink::units::Throttle;
-use sim::amt::{AmtConfig, AmtEcu};
+use sim::amt::AmtEcu;
 use sim::clock;
 use sim::ecu::Ecu;
-use sim::wire::{Direction, Plug, Settings, WireRx, WireTx, connect_with};
-use sim::zk::{ZkConfig, ZkEcu};
+use sim::wire::{Direction, Plug, WireRx, WireTx};
+use sim::zk::ZkEcu;
 use std::cell::Cell;
 
 static ERRORS: LineErrors = LineErrors::new();
 
-fn wire<E: Ecu>(config: &EngineConfig, ecu: E, seed: u64) -> (WireRx, WireTx, Plug<E>) {
-    let line = sim::line_of!(config.line);
-    connect_with(ecu, Settings { node: line, ecu: line, ..Settings::new(line, seed) })
-}
-
 fn amt(baud: u32) -> (EngineConfig, AmtEcu) {
     let config = EngineConfig::amt("amt", 0, Line::new(baud), None);
-    let ecu = AmtConfig::new(sim::amt::EngineModel::Olympus).on(sim::line_of!(config.line));
-    (config, AmtEcu::new(ecu))
+    (config, AmtEcu::new(simulated_as(&config)))
 }
 
 fn zk() -> (EngineConfig, ZkEcu) {
     let config = EngineConfig::zk("zk", 0, Line::new(9600), Rate::Hz20);
-    (config, ZkEcu::new(ZkConfig::new(5).on(sim::line_of!(config.line))))
+    (config, ZkEcu::new(simulated_as(&config)))
 }
 
 fn in_phase(owner: &Owner<'_>, phase: Phase) -> bool {

@@ -2,6 +2,7 @@
 //! judge, and the simulation decodes the wire, not our codec.
 #![allow(clippy::disallowed_methods, reason = "a scenario keeps its own time")]
 
+use bench::rows::simulated_as;
 use bench::wired::{Bench, LONG, control_frames, received, rpm, throttle_percent};
 use embassy_time::{Duration, Timer};
 use jetlink::command::{Command, Interlock, Origin, Rejected};
@@ -14,13 +15,14 @@ use jetlink::report::{LinkState, NotSent, Phase};
 use jetlink::units::{Hectopascals, Millivolts};
 use sim::any::Protocol;
 use sim::control;
+use sim::vendor::VendorConfig as _;
 use sim::wire::{Babble, Entry, Faults as Noise};
 use sim::zk::{Action as SimAction, Rate as SimRate, Stats, Sw, ZkCommand, ZkConfig, ZkEcu};
 
 /// An engine whose ECU still has another rate than the one configured.
 fn bench_on(line: Line, rate: Rate, version: u8, change: impl FnOnce(&mut ZkConfig)) -> Bench<ZkEcu> {
     let config = EngineConfig::zk("zk", 0, line, rate);
-    let mut ecu = ZkConfig::new(version).on(sim::line_of!(line));
+    let mut ecu = simulated_as::<ZkConfig>(&config).with_version(version);
     change(&mut ecu);
     Bench::new(&config, ZkEcu::new(ecu), u64::from(version))
 }
@@ -178,7 +180,7 @@ fn zk_9_in_mode_1_an_engine_starts_runs_and_shuts_down() {
 fn zk_9_mode_2_the_switch_goes_by_id_6() {
     let mut config = EngineConfig::zk("zk", 0, Line::new(9600), Rate::Hz50);
     config.ecu = EcuConfig::Zk(zk::config::Config { split_switch: true, rate: Rate::Hz50 });
-    let ecu = ZkConfig::new(4).on(sim::line_of!(config.line));
+    let ecu = simulated_as::<ZkConfig>(&config).with_version(4);
     let bench = Bench::new(&config, ZkEcu::new(ecu), 2);
     bench.play(LONG, async {
         bench.start().await;
@@ -445,7 +447,7 @@ fn a_cut_line_is_reported_once_and_comes_back() {
 fn zk_16_noise_never_causes_an_unsolicited_command() {
     for seed in 0..8 {
         let config = EngineConfig::zk("zk", 0, Line::new(9600), Rate::Hz50);
-        let ecu = ZkConfig::new(4).on(sim::line_of!(config.line));
+        let ecu = simulated_as::<ZkConfig>(&config).with_version(4);
         let bench = Bench::new(&config, ZkEcu::new(ecu), seed);
         let noise = Noise {
             flip_per_million: 2_000,

@@ -2,6 +2,7 @@
 //! other, in virtual time. What the bytes mean is up to the simulation's reader.
 #![allow(clippy::disallowed_methods, reason = "a scenario keeps its own time")]
 
+use crate::rows;
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Timer};
 use jetlink::channel::{Channel, Events, Handle, Owner};
@@ -15,7 +16,7 @@ use sim::any::Protocol;
 use sim::clock;
 use sim::control::{self, Found, Reader};
 use sim::ecu::{Ecu, Nanos};
-use sim::wire::{Entry, Plug, Settings, WireRx, WireTx, connect_with};
+use sim::wire::{Entry, Plug, WireRx, WireTx};
 use std::cell::RefCell;
 use std::future::Future;
 
@@ -34,9 +35,7 @@ impl<E: Ecu> Bench<E> {
     pub fn new(config: &EngineConfig, ecu: E, seed: u64) -> Self {
         // The ECU is powered up at the time it is connected.
         clock::reset();
-        let line = sim::line_of!(config.line);
-        let (rx, tx, plug) =
-            connect_with(ecu, Settings { node: line, ecu: line, ..Settings::new(line, seed) });
+        let (rx, tx, plug) = rows::wire(config, ecu, seed);
         Self { channel: Channel::new(config, None), plug, halves: RefCell::new(Some((rx, tx))) }
     }
 

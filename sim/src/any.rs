@@ -230,6 +230,18 @@ macro_rules! any {
                 }
             }
 
+            /// The configuration inside; an error if the protocol is another one.
+            impl TryFrom<AnyConfig> for $config {
+                type Error = AnyConfig;
+
+                fn try_from(any: AnyConfig) -> Result<Self, AnyConfig> {
+                    match any {
+                        AnyConfig::$name(config) => Ok(config),
+                        other => Err(other),
+                    }
+                }
+            }
+
             impl From<$ecu> for AnyEcu {
                 fn from(ecu: $ecu) -> Self {
                     Self::$name(Box::new(ecu))

@@ -2,6 +2,7 @@
 //! which source commands what, lets time pass, and checks the wire and the turbines.
 
 use crate::wire::{self, Frame};
+use bench::rows::{self, simulated_as};
 use embassy_time::{Duration, Timer};
 use jetlink::channel::{Handle, Owner};
 use jetlink::command::{Accepted, Command, Demand, Origin, Rejected};
@@ -19,7 +20,8 @@ use sim::clock;
 use sim::control::Reader;
 use sim::ecu::{MILLIS, Nanos};
 use sim::turbine::{Phase, Turbine};
-use sim::wire::{Plug, Settings, WireRx, WireTx, connect_with};
+use sim::vendor::VendorConfig as _;
+use sim::wire::{Plug, WireRx, WireTx};
 use sim::zk::{ZkConfig, ZkEcu};
 use std::future::{Future, poll_fn};
 use std::pin::Pin;
@@ -49,7 +51,7 @@ pub fn seconds(time: Nanos) -> f64 {
 /// An Olympus with an AMT ECU at 2400 baud.
 pub fn amt(change: impl FnOnce(&mut EngineConfig, &mut AmtConfig)) -> (EngineConfig, AnyEcu) {
     let mut config = EngineConfig::amt("amt", 0, Line::new(2400), Some(EngineModel::Olympus));
-    let mut ecu = AmtConfig::new(sim::amt::EngineModel::Olympus);
+    let mut ecu = simulated_as(&config);
     change(&mut config, &mut ecu);
     (config, AnyConfig::Amt(ecu).ecu())
 }
@@ -57,7 +59,7 @@ pub fn amt(change: impl FnOnce(&mut EngineConfig, &mut AmtConfig)) -> (EngineCon
 /// An engine with a ZK ECU of this protocol version at 9600 baud.
 pub fn zk(version: u8, change: impl FnOnce(&mut EngineConfig, &mut ZkConfig)) -> (EngineConfig, AnyEcu) {
     let mut config = EngineConfig::zk("zk", 0, Line::new(9600), Rate::Hz20);
-    let mut ecu = ZkConfig::new(version);
+    let mut ecu = simulated_as::<ZkConfig>(&config).with_version(version);
     change(&mut config, &mut ecu);
     (config, AnyConfig::Zk(ecu).ecu())
 }
@@ -105,8 +107,7 @@ impl<const N: usize> World<N> {
         let readers = std::array::from_fn(|n| Reader::new(engines[n].1.protocol()));
         let mut halves = Vec::new();
         let plugs = engines.map(|(config, ecu)| {
-            let line = sim::line::Line::n1(config.line.baud);
-            let (rx, tx, plug) = connect_with(ecu, Settings::new(line, u64::from(config.port)));
+            let (rx, tx, plug) = rows::wire(&config, ecu, u64::from(config.port));
             plug.record(true);
             halves.push((rx, tx));
             plug

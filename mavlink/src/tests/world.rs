@@ -9,6 +9,7 @@ use crate::report::state_number;
 use crate::service::{EngineParts, Request, Service};
 use crate::settings::{EngineSettings, Identity, NodeSettings};
 use crate::signing::{Key, Seal, Signature, SigningState, Stamp};
+use bench::rows::{self, simulated, simulated_as};
 use embassy_futures::join::{join, join3};
 use embassy_futures::select::select;
 use embassy_time::{Duration, Instant, Timer};
@@ -22,10 +23,9 @@ use jetlink::runner::LineErrors;
 use jetlink::telemetry::Telemetry;
 use jetlink::units::Throttle;
 use mavlink_core::MessageData;
-use sim::amt::{AmtConfig, AmtEcu};
+use sim::amt::AmtEcu;
 use sim::clock;
 use sim::wire::Plug;
-use sim::zk::{ZkConfig, ZkEcu};
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 use std::string::String;
@@ -570,16 +570,14 @@ fn run_after(
     scenario: impl AsyncFnOnce(&World<'_>),
 ) {
     clock::reset();
-    let line = |line: Line| sim::line::Line::n1(line.baud);
     let engines = [
         EngineConfig::amt("left", 0, Line::new(9600), None),
         EngineConfig::zk("right", 1, Line::new(9600), Rate::Hz20),
     ];
     let node: Node<2> = Node::new(&engines, None).unwrap();
-    let amt = AmtEcu::new(AmtConfig::new(sim::amt::EngineModel::Olympus).on(line(engines[0].line)));
-    let zk = ZkEcu::new(ZkConfig::new(5).on(line(engines[1].line)));
-    let (left_rx, left_tx, left) = sim::wire::connect(amt, line(engines[0].line), 1);
-    let (mut right_rx, mut right_tx, right) = sim::wire::connect(zk, line(engines[1].line), 2);
+    let amt = AmtEcu::new(simulated_as(&engines[0]));
+    let (left_rx, left_tx, left) = rows::wire(&engines[0], amt, 1);
+    let (mut right_rx, mut right_tx, right) = rows::wire(&engines[1], simulated(&engines[1]).ecu(), 2);
     if right_runs {
         let before = Node::<2>::new(&engines, None).unwrap();
         let [_, runner] = before.runners();

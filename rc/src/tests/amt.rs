@@ -4,6 +4,7 @@ use crate::channels::{Channels, Pulse};
 use crate::outputs::{Before, Outputs, Valve};
 use crate::pilot::{Outcome, Pilot};
 use crate::settings::{EngineSettings, OutputSettings};
+use bench::rows::{self, simulated};
 use embassy_futures::join::join;
 use embassy_futures::select::select;
 use embassy_time::{Duration, Instant, Timer};
@@ -16,7 +17,6 @@ use jetlink::engine::state::EngineState;
 use jetlink::line::Line;
 use jetlink::runner::LineErrors;
 use jetlink::units::Rpm;
-use sim::any::AnyConfig;
 use sim::clock;
 use sim::wire::{Plug, WireRx, WireTx};
 use std::cell::{Cell, RefCell};
@@ -97,9 +97,7 @@ async fn life(
 
 fn begin(scenario: impl AsyncFnOnce(&Plug<sim::any::AnyEcu>, (WireRx, WireTx))) {
     clock::reset();
-    let line = sim::line::Line::n1(2400);
-    let ecu = AnyConfig::amt(sim::amt::EngineModel::Olympus).on(line).ecu();
-    let (rx, tx, plug) = sim::wire::connect(ecu, line, 1);
+    let (rx, tx, plug) = rows::wire(&ENGINE, simulated(&ENGINE).ecu(), 1);
     clock::run(select(plug.run(), scenario(&plug, (rx, tx))));
 }
 

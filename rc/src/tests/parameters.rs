@@ -11,6 +11,7 @@ use crate::service::Service;
 use crate::settings::{EngineSettings, OutputSettings};
 use crate::shared::Shared;
 use crate::wiring::{OutputConfig, OutputPin};
+use bench::rows::{self, simulated};
 use embassy_futures::select::select;
 use embassy_time::{Duration, Instant};
 use jetlink::channel::Channel;
@@ -23,7 +24,6 @@ use jetlink_mavlink::attached::{self, Attached};
 use jetlink_mavlink::refusal::Refusal;
 use sim::clock;
 use sim::receiver::{crsf_link, sbus, steps};
-use sim::zk::{ZkConfig, ZkEcu};
 use std::cell::RefCell;
 use std::string::ToString;
 
@@ -47,8 +47,7 @@ fn tables_are_those_of_what_the_node_has() {
 #[test]
 fn calibration_of_stick_and_switch_is_refused_while_the_engine_turns() {
     clock::reset();
-    let line = sim::line::Line::n1(9600);
-    let (rx, tx, plug) = sim::wire::connect(ZkEcu::new(ZkConfig::new(5).on(line)), line, 1);
+    let (rx, tx, plug) = rows::wire(&ENGINE, simulated(&ENGINE).ecu(), 1);
     let channel = Channel::new(&ENGINE, None);
     let owner = channel.owner();
     let pilot = Pilot::new(owner.source(Origin::Rc).unwrap(), &ENGINE, EngineSettings::DEFAULT).unwrap();

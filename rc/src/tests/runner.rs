@@ -10,6 +10,7 @@ use crate::runner;
 use crate::sbus::Sbus;
 use crate::service::Service;
 use crate::settings::EngineSettings;
+use bench::rows::{self, simulated};
 use embassy_futures::join::{join, join3};
 use embassy_futures::select::select;
 use embassy_time::{Duration, Instant, Timer};
@@ -26,10 +27,8 @@ use jetlink::line::Line;
 use jetlink::line::LineError;
 use jetlink::runner::LineErrors;
 use jetlink::units::Rpm;
-use sim::any::AnyConfig;
 use sim::clock;
 use sim::receiver::{crsf, sbus, steps};
-use sim::zk::ZkConfig;
 use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
 use std::future::poll_fn;
@@ -216,11 +215,7 @@ fn run_with(crsf: bool, settings: [EngineSettings; 2], scenario: impl AsyncFnOnc
         EngineConfig::zk("right", 1, Line::new(9600), Rate::Hz20),
     ];
     configs[0].supervision.governor = Some(Governor::DEFAULT);
-    let ecus = [
-        (AnyConfig::amt(sim::amt::EngineModel::Olympus), sim::line::Line::n1(2400)),
-        (AnyConfig::Zk(ZkConfig::new(5)), sim::line::Line::n1(9600)),
-    ];
-    let wires = ecus.map(|(ecu, line)| sim::wire::connect(ecu.on(line).ecu(), line, 1));
+    let wires = configs.each_ref().map(|config| rows::wire(config, simulated(config).ecu(), 1));
     let channels = configs.each_ref().map(|config| Channel::new(config, None));
     let owners = channels.each_ref().map(|channel| channel.owner_in(&channels));
     let engines = owners.map(|owner| owner.handle());

@@ -8,6 +8,7 @@ use crate::pilot::{Outcome, Pilot};
 use crate::pwm::Pwm;
 use crate::sbus::Sbus;
 use crate::settings::{EngineSettings, OutputSettings};
+use bench::rows::{self, simulated_as};
 use embassy_futures::join::join;
 use embassy_futures::select::select;
 use embassy_time::{Duration, Instant, Timer};
@@ -25,7 +26,7 @@ use jetlink::units::Throttle;
 use sim::clock;
 use sim::receiver::{crsf, sbus, steps};
 use sim::wire::{Plug, WireRx, WireTx};
-use sim::zk::{ZkConfig, ZkEcu};
+use sim::zk::ZkEcu;
 use std::boxed::Box;
 use std::cell::{Cell, RefCell};
 use std::vec::Vec;
@@ -336,8 +337,7 @@ pub async fn life(life: &Life<'_>, (rx, tx): (WireRx, WireTx), scenario: impl As
 /// A world without a node: radio, ECU and wire.
 pub fn begin(kind: Kind, scenario: impl AsyncFnOnce(&Radio, &Plug<ZkEcu>, (WireRx, WireTx))) {
     clock::reset();
-    let line = sim::line::Line::n1(9600);
-    let (rx, tx, plug) = sim::wire::connect(ZkEcu::new(ZkConfig::new(5).on(line)), line, 1);
+    let (rx, tx, plug) = rows::wire(&ENGINE, ZkEcu::new(simulated_as(&ENGINE)), 1);
     let radio = Radio {
         kind,
         stick: Cell::new(IDLE),
