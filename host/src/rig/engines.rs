@@ -5,6 +5,7 @@ mod description;
 mod zk;
 
 use self::description::{Described, Description};
+use bench::rows::simulated;
 use embassy_time::Duration;
 use jetlink::config::{EngineConfig, validate};
 use sim::any::{AnyConfig, Protocol};
@@ -42,7 +43,16 @@ impl Engine {
 
     /// Its name and what it is.
     pub fn caption(&self) -> String {
-        format!("{}: {}, {} baud", self.name(), self.ecu.config(), self.config.line.baud)
+        format!("{}: {}, {} baud", self.name(), self.simulated(), self.config.line.baud)
+    }
+
+    /// The configuration of its simulated ECU, on its line.
+    pub fn simulated(&self) -> AnyConfig {
+        let usual = simulated(&self.config);
+        match self.ecu.version() {
+            Some(version) => usual.with_version(version),
+            None => usual,
+        }
     }
 
     /// Whether the pilot commands a speed instead of a throttle.
@@ -57,7 +67,7 @@ impl Engine {
 
     /// Whether this speed can be commanded: its ECU has speed control, and the engine reaches it.
     pub fn takes(&self, rpm: u32) -> Result<(), String> {
-        let (name, most) = (self.name(), self.ecu.config().turbine().max_rpm as u32);
+        let (name, most) = (self.name(), self.simulated().turbine().max_rpm as u32);
         if !self.ecu.has_speed_control() {
             return Err(format!("the ECU of {name} has no speed control: command a throttle"));
         }
@@ -87,10 +97,16 @@ macro_rules! ecus {
         }
 
         impl Ecu {
-            /// Its configuration in the simulation.
-            pub fn config(self) -> AnyConfig {
+            /// Its protocol.
+            pub fn protocol(self) -> Protocol {
                 match self {
-                    $(Self::$name(ecu) => AnyConfig::$name(ecu.into()),)+
+                    $(Self::$name(_) => Protocol::$name,)+
+                }
+            }
+
+            fn version(self) -> Option<u8> {
+                match self {
+                    $(Self::$name(ecu) => ecu.version(),)+
                 }
             }
 
@@ -152,13 +168,6 @@ macro_rules! ecus {
     };
 }
 sim::protocols!(ecus);
-
-impl Ecu {
-    /// Its protocol.
-    pub fn protocol(self) -> Protocol {
-        self.config().protocol()
-    }
-}
 
 /// The engines of these descriptions; without any, the default ones.
 pub fn engines(descriptions: &[String]) -> Result<Vec<Engine>, String> {

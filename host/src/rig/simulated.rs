@@ -10,7 +10,7 @@ const LOG_CAPACITY: usize = 0;
 
 /// The ECU of this engine, not yet under power.
 pub fn ecu(engine: &Engine) -> AnyEcu {
-    engine.ecu.config().on(line(engine)).with_log(LOG_CAPACITY).ecu()
+    engine.simulated().with_log(LOG_CAPACITY).ecu()
 }
 
 /// The line of this engine, in the terms of the simulation.
@@ -20,5 +20,5 @@ pub fn line(engine: &Engine) -> Line {
 
 /// The figures of this engine's turbine.
 pub fn parameters(engine: &Engine) -> Parameters {
-    *engine.ecu.config().turbine()
+    *engine.simulated().turbine()
 }

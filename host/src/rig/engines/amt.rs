@@ -10,12 +10,6 @@ use sim::ecu::{MILLIS, Nanos};
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Ecu(pub amt::EngineModel);
 
-impl From<Ecu> for amt::AmtConfig {
-    fn from(ecu: Ecu) -> Self {
-        Self::new(ecu.0)
-    }
-}
-
 impl Described for Ecu {
     const HELP: &'static str = "  \
   --engine name=left,ecu=amt,engine=olympus,baud=2400
@@ -45,7 +39,7 @@ impl Described for Ecu {
     }
 
     fn stops_without_commands(self) -> Option<Nanos> {
-        Some(amt::AmtConfig::from(self).serial_delay)
+        Some(amt::AmtConfig::new(self.0).serial_delay)
     }
 
     /// It has a throttle only.

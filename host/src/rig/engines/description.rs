@@ -80,6 +80,11 @@ pub trait Described: Copy {
         description: &Description<'_>,
     ) -> Result<(EngineConfig, Self), String>;
 
+    /// Version of the protocol, if it has versions.
+    fn version(self) -> Option<u8> {
+        None
+    }
+
     /// Whether the pilot commands a speed instead of a throttle.
     fn by_rpm(self) -> bool;
 

@@ -32,12 +32,6 @@ pub enum Mode {
     Rpm,
 }
 
-impl From<Ecu> for zk::ZkConfig {
-    fn from(ecu: Ecu) -> Self {
-        Self::new(ecu.version)
-    }
-}
-
 impl Described for Ecu {
     const HELP: &'static str = "  \
   --engine name=centre,ecu=zk,version=4,baud=9600,stop=1,rate=20,mode=throttle
@@ -77,6 +71,10 @@ impl Described for Ecu {
             zk.split_switch = mode == Mode::Split;
         }
         Ok((config, Self { version, rate: simulated, mode }))
+    }
+
+    fn version(self) -> Option<u8> {
+        Some(self.version)
     }
 
     fn by_rpm(self) -> bool {

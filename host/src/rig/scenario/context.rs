@@ -7,9 +7,9 @@ use super::super::disturbances::By;
 use super::super::node::Node;
 use super::super::outcome::Check;
 use super::super::play::action::Fault;
-use super::super::simulated::line;
 use embassy_time::{Duration, Instant, Ticker, Timer};
 use jetlink::command::{Accepted, Command, Demand, Order, Origin, Rejected};
+use jetlink::config::EngineConfig;
 use jetlink::engine::state::EngineState;
 use jetlink::event::Event;
 use jetlink::report::{LinkState, Phase as Reported};
@@ -17,7 +17,6 @@ use jetlink::units::{Rpm, Throttle};
 use sim::any::AnyEcu;
 use sim::clock;
 use sim::ecu::Nanos;
-use sim::line::Line;
 use sim::turbine::{Phase, Turbine};
 use sim::wire::{Direction, Faults, FramingAs, Plug};
 use std::cell::{Cell, RefCell};
@@ -312,9 +311,9 @@ impl<'a> ScenarioContext<'a> {
         self.plugs[engine].replace_ecu(ecu.into());
     }
 
-    /// The line of an engine, in the terms of the simulation.
-    pub fn line(&self, engine: usize) -> Line {
-        line(self.contexts[engine].engine)
+    /// The node's configuration of an engine.
+    pub fn engine(&self, engine: usize) -> &EngineConfig {
+        &self.contexts[engine].engine.config
     }
 
     /// Waits until an engine that was shut down is cool.

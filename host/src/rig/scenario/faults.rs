@@ -4,14 +4,15 @@ use super::super::audit::WireCommand;
 use super::super::context::Stage;
 use super::check::{ON_WIRE, all, is_run};
 use super::context::ScenarioContext;
+use bench::rows::simulated_as;
 use jetlink::command::{Accepted, Rejected};
 use jetlink::event::Event;
-use sim::amt::{AmtConfig, AmtEcu, EngineModel};
+use sim::amt::{AmtConfig, AmtEcu};
 use sim::ecu::{MILLIS, SECOND};
 
 pub async fn fault_clears(c: &ScenarioContext<'_>) -> Result<(), String> {
     // An ECU that forgets a fault after 40 s, and starts on run alone, however hot.
-    let mut config = AmtConfig::new(EngineModel::Olympus).on(c.line(0));
+    let mut config = simulated_as::<AmtConfig>(c.engine(0));
     config.temper.starts_hot = true;
     config.temper.trips_clear_after = Some(40 * SECOND);
     c.plug_in(0, AmtEcu::new(config));

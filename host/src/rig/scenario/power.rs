@@ -4,10 +4,12 @@ use super::super::audit::WireCommand;
 use super::super::node::{Cause, Reset};
 use super::check::{GRAIN, ON_WIRE, all, is_run, is_standby, only, rises_slowly};
 use super::context::{CommandSource, ScenarioContext};
+use bench::rows::simulated_as;
 use embassy_time::Duration;
 use jetlink::command::{Accepted, Rejected};
 use jetlink::event::Event;
 use sim::ecu::{MILLIS, Nanos, SECOND};
+use sim::vendor::VendorConfig as _;
 use sim::zk::{ZkConfig, ZkEcu};
 
 /// Three expected frames of a ZK ECU at 20 Hz, and a send slot of the node.
@@ -213,7 +215,7 @@ pub async fn ecu_swapped(c: &ScenarioContext<'_>) -> Result<(), String> {
     let cut = c.now();
     for i in 0..c.count() {
         c.cut(i, true);
-        let mut config = ZkConfig::new(3).on(c.line(i));
+        let mut config = simulated_as::<ZkConfig>(c.engine(i)).with_version(3);
         config.temper.starts_hot = true;
         c.plug_in(i, ZkEcu::new(config));
     }
