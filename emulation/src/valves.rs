@@ -2,15 +2,14 @@
 //! every run. An image without outputs drives none of their pins. The outputs' pins are a separate copy here, not read from the firmware, so
 //! that a difference is found.
 
-use crate::engines::{self, Protocol};
+use crate::engines;
 use crate::image::Image;
 use crate::pins::{Level, Pin};
 use crate::report::Report;
 use crate::wire::Wire;
-use sim::any;
-use sim::control::{Reader, Switch};
+use sim::any::Protocol;
+use sim::control::Switch;
 use sim::ecu::{MILLIS, Nanos, SECOND};
-use sim::wire::{Direction, Entry, Fate};
 
 /// A stop closes the valve within this time of its first frame.
 const CLOSED_WITHIN: Nanos = 10 * MILLIS;
@@ -54,7 +53,7 @@ pub(crate) fn complaints(report: &Report, errors: bool) -> Vec<String> {
     for (number, engine) in engines.into_iter().enumerate() {
         let energised = Level::energising(report.board, number == last);
         let wire = report.wires.get(engine.port);
-        let sent = wire.map_or(Vec::new(), |wire| switches(wire, engine.protocol));
+        let sent = wire.map_or(Vec::new(), |wire| switches(wire, engine.protocol()));
         if let Some(&valve) = outputs.get(number) {
             let wrong = wrong(&Pin::output(report, valve), energised, &sent, &resets, report.at, errors);
             complaints.extend(wrong.into_iter().map(|text| format!("the valve of {}: {text}", engine.name)));
@@ -88,21 +87,7 @@ fn first_command(report: &Report) -> Option<Nanos> {
 
 /// The switches that the board sent.
 fn switches(wire: &Wire, protocol: Protocol) -> Vec<Sent> {
-    let protocol = match protocol {
-        Protocol::Amt(_) => any::Protocol::Amt,
-        Protocol::Zk(..) => any::Protocol::Zk,
-    };
-    let byte = wire.line().byte_ns(1);
-    let entry = |tx: &crate::wire::Tx| Entry {
-        direction: Direction::ToEcu,
-        byte: tx.byte,
-        start: tx.end - byte,
-        end: tx.end,
-        fate: Fate::Delivered,
-    };
-    let entries: Vec<_> = wire.tx.iter().map(entry).collect();
-    let mut reader = Reader::new(protocol);
-    let frames = reader.read(&entries).filter_map(|frame| {
+    let frames = wire.frames(protocol).into_iter().filter_map(|(frame, _)| {
         Some(Sent { start: frame.start, end: frame.end, switch: frame.command.ok()?.switch()? })
     });
     frames.collect()

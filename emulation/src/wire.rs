@@ -11,13 +11,13 @@ use std::fmt::Debug;
 use rigless::chip::{Timeline, uart};
 use rigless::snapshot::Store;
 use rigless::time::VirtualNanos;
-use sim::amt::AmtEcu;
-use sim::any::AnyEcu;
+use sim::any::{AnyEcu, Protocol};
+use sim::control::{Frame, Reader};
 use sim::ecu::{Ecu, LineFault, Nanos};
 use sim::line::{Line, StopBits};
-use sim::zk::ZkEcu;
+use sim::wire::{Direction, Entry};
 
-/// What can be connected to a wire: any ECU of `sim`.
+/// What can be connected to a wire: any ECU of `sim`. That of an engine is an [`AnyEcu`], so that its turbine is known.
 pub trait Far: Ecu + Any + Debug + Send {}
 
 impl<E: Ecu + Any + Debug + Send> Far for E {}
@@ -156,6 +156,25 @@ impl Wire {
         ecu.downcast_mut().expect("the ECU on this port is of another kind")
     }
 
+    /// The control frames that the board sent, each with its bytes.
+    pub fn frames(&self, protocol: Protocol) -> Vec<(Frame, &[Tx])> {
+        let byte = self.line.byte_ns(1);
+        let mut reader = Reader::new(protocol);
+        let frames = self.tx.iter().enumerate().filter_map(|(last, tx)| {
+            let frame = reader.entry(&Entry {
+                direction: Direction::ToEcu,
+                byte: tx.byte,
+                start: tx.end - byte,
+                end: tx.end,
+                fate: sim::wire::Fate::Delivered,
+            });
+            let frame = frame?.frame()?;
+            let bytes = &self.tx[last + 1 - frame.bytes().len()..=last];
+            Some((frame, bytes))
+        });
+        frames.collect()
+    }
+
     /// Switches the ECU's supply.
     pub(crate) fn power(&mut self, now: Nanos, on: bool) {
         self.ecu.power(now + self.head_start, on);
@@ -226,9 +245,7 @@ impl Wire {
     /// Checks whether the engine is cold and at rest, with the resolution of a report.
     fn look(&mut self, now: Nanos) {
         let ecu: &dyn Any = &*self.ecu;
-        let ecu = ecu.downcast_ref().map_or(ecu, AnyEcu::inner);
-        let amt = ecu.downcast_ref().map(AmtEcu::turbine);
-        let Some(turbine) = amt.or_else(|| ecu.downcast_ref().map(ZkEcu::turbine)) else { return };
+        let Some(turbine) = ecu.downcast_ref().map(AnyEcu::turbine) else { return };
         let cold = !turbine.phase().is_live() && turbine.egt() < 108.0 && turbine.rpm() < 1600.0;
         if self.recording && self.cold.last().is_none_or(|(_, before)| *before != cold) {
             self.cold.push((now, cold));

@@ -3,7 +3,6 @@
 
 use crate::support::{Task, crash, engines, first_byte, hijack, on_each_board, others_are_well, symbol};
 use emulation::board::Part;
-use emulation::engines::Protocol;
 use emulation::{Board, Bootloader, Image, Jump, Leftover, MATEK_H743, Report, Run, bootloader};
 use sim::amt::AmtEcu;
 use sim::ecu::{MILLIS, SECOND};
@@ -64,10 +63,9 @@ fn the_image_runs_behind_a_bootloader_as_without_one() {
         for engine in engines(&report) {
             // By frame, each once and in order: the number of repeats depends on when the port opened.
             let frames = |report: &emulation::Report| -> Vec<Vec<u8>> {
-                let sent = report.wire(engine.port).tx.iter().filter(|tx| tx.end < 1900 * MILLIS);
-                let bytes: Vec<u8> = sent.map(|tx| tx.byte).collect();
-                let length = if matches!(engine.protocol, Protocol::Amt(_)) { 5 } else { 4 };
-                let mut frames: Vec<Vec<u8>> = bytes.chunks_exact(length).map(<[u8]>::to_vec).collect();
+                let sent = report.wire(engine.port).frames(engine.protocol()).into_iter();
+                let sent = sent.filter(|(frame, _)| frame.end < 1900 * MILLIS);
+                let mut frames: Vec<Vec<u8>> = sent.map(|(frame, _)| frame.bytes().to_vec()).collect();
                 frames.dedup();
                 frames
             };

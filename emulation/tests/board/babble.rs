@@ -3,6 +3,7 @@
 use crate::support::{on_each_board, others_are_well};
 use emulation::{Image, Run};
 use sim::amt::AmtEcu;
+use sim::any::Protocol;
 use sim::ecu::{MILLIS, SECOND};
 use sim::zk::ZkEcu;
 
@@ -57,8 +58,9 @@ fn each_of_good_frames_without_a_pause_is_answered() {
             .until(6 * SECOND)
             .go();
         let wire = report.wire("SERIAL2");
-        let frames = wire.rx.iter().filter(|rx| rx.end > 2100 * MILLIS && rx.byte == 0xFF).count();
-        let replies = wire.tx.iter().filter(|tx| tx.end > 2100 * MILLIS && tx.byte == 0xFF).count();
+        let frames = wire.rx.iter().filter(|rx| rx.end > 2100 * MILLIS && rx.byte == SET[0]).count();
+        let replies = wire.frames(Protocol::Amt);
+        let replies = replies.iter().filter(|(_, bytes)| bytes[0].end > 2100 * MILLIS).count();
         assert!(frames > 150 && replies.abs_diff(frames) <= 2, "{replies} replies to {frames} frames");
         others_are_well(&report, &["SERIAL2"]);
     });

@@ -14,7 +14,7 @@ const STANDBY: [u8; 5] = [0xFF, 0x12, 0x20, 0x12, 0x20];
 fn the_first_frame_of_an_amt_ecu_is_answered() {
     on_each_board(|board| {
         let report = Run::new(board, Image::Release).engines().until(2 * SECOND).go();
-        let left = engines(&report)[0];
+        let left = &engines(&report)[0];
         let wire = report.wire(left.port);
         let first = wire.rx.iter().find(|rx| rx.last).expect("a frame").end;
         let reply = first_byte(&report, left.port, 0);
@@ -25,7 +25,7 @@ fn the_first_frame_of_an_amt_ecu_is_answered() {
             reply - first
         );
         assert_eq!(wire.tx[..5].iter().map(|tx| tx.byte).collect::<Vec<_>>(), STANDBY);
-        no_window_missed(&report, &left);
+        no_window_missed(&report, left);
         // The events of the ECU's first frames, in their order.
         let events: Vec<_> = report.events(left.name).into_iter().map(|(_, event)| event).collect();
         let standby = "standby, from node";

@@ -3,9 +3,10 @@
 //! The demonstration is silent for 5 s after a reset, then commands 10 s of standby, 180 s of idle, 15 s of 20 %.
 
 use crate::support::{crash, engines, on_each_board, others_are_well, symbol};
-use emulation::engines::{Engine, Protocol};
+use emulation::engines::Engine;
 use emulation::{Bench, Board, Image, Report, Run};
 use sim::amt::{AmtEcu, Ops};
+use sim::any::Protocol;
 use sim::ecu::{MILLIS, Nanos, SECOND};
 use sim::turbine::Phase;
 use sim::zk::{Sw, ZkCommand, ZkEcu};
@@ -22,8 +23,8 @@ enum Sent {
 
 /// What an ECU was ordered to do, and when.
 fn sent(report: &Report, engine: &Engine) -> Vec<(Nanos, Sent)> {
-    match engine.protocol {
-        Protocol::Amt(_) => {
+    match engine.protocol() {
+        Protocol::Amt => {
             let commands = report.ecu::<AmtEcu>(engine.port).commands.iter();
             let sent = commands.map(|(at, command)| match command.ops {
                 Ops::AutoStop => (*at, Sent::Standby),
@@ -32,7 +33,7 @@ fn sent(report: &Report, engine: &Engine) -> Vec<(Nanos, Sent)> {
             });
             sent.collect()
         }
-        Protocol::Zk(..) => {
+        Protocol::Zk => {
             let commands = report.ecu::<ZkEcu>(engine.port).commands.iter();
             let sent = commands.map(|(at, command)| match command {
                 ZkCommand::Empty => (*at, Sent::Nothing),
@@ -49,9 +50,9 @@ fn sent(report: &Report, engine: &Engine) -> Vec<(Nanos, Sent)> {
 }
 
 fn phase(report: &Report, engine: &Engine) -> Phase {
-    match engine.protocol {
-        Protocol::Amt(_) => report.ecu::<AmtEcu>(engine.port).turbine().phase(),
-        Protocol::Zk(..) => report.ecu::<ZkEcu>(engine.port).turbine().phase(),
+    match engine.protocol() {
+        Protocol::Amt => report.ecu::<AmtEcu>(engine.port).turbine().phase(),
+        Protocol::Zk => report.ecu::<ZkEcu>(engine.port).turbine().phase(),
     }
 }
 
@@ -142,9 +143,9 @@ fn running_engines_resume_after_any_reset() {
                 );
                 // No document states how long an AMT ECU waits for replies; 2 s here. A ZK ECU has to report running twice:
                 // each of its nine status IDs comes round in 9 frames.
-                let rounds = match engine.protocol {
-                    Protocol::Amt(_) => 500 * MILLIS,
-                    Protocol::Zk { .. } => 1100 * MILLIS,
+                let rounds = match engine.protocol() {
+                    Protocol::Amt => 500 * MILLIS,
+                    Protocol::Zk => 1100 * MILLIS,
                 };
                 assert!(order - reset < rounds, "{}: {} ms", engine.name, (order - reset) / MILLIS);
                 // No source commands: the silence continues over the resets, so the demand is held after the first one and
@@ -170,7 +171,7 @@ fn running_engines_resume_after_any_reset() {
             let events = report.events(engine.name);
             let resumed = events.iter().filter(|(at, event)| event.starts_with("resumed") && !old(*at));
             assert_eq!(resumed.count(), 3);
-            if let Protocol::Amt(_) = engine.protocol {
+            if engine.protocol() == Protocol::Amt {
                 let stats = report.ecu::<AmtEcu>(engine.port).stats;
                 assert_eq!((stats.late, stats.serial_delay_stops), (0, 0), "{stats:?}");
                 println!("{}, {}: {} frames in all without a reply", board.name, engine.name, stats.none);

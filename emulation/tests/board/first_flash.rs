@@ -9,6 +9,7 @@ use crate::support::{Led, Task, crash, engines, first_byte, on_each_board};
 use emulation::board::{Part, Pin};
 use emulation::{Board, Bootloader, Image, Jump, Report, Run, bootloader, turnaround};
 use page::{PAGE, Place};
+use sim::any::Protocol;
 use sim::ecu::{Ecu, LineFault, MILLIS, Nanos, SECOND};
 use sim::line::Line;
 use std::collections::BTreeMap;
@@ -33,6 +34,11 @@ fn time(ns: Nanos) -> String {
         0
     };
     format!("{value:.digits$} {unit}")
+}
+
+/// The bytes of each control frame on a port.
+fn sent<'a>(report: &'a Report, port: &str, protocol: Protocol) -> Vec<&'a [emulation::Tx]> {
+    report.wire(port).frames(protocol).into_iter().map(|(_, bytes)| bytes).collect()
 }
 
 /// The shortest and the longest of some times.
@@ -198,7 +204,7 @@ fn start_and_lines(board: &'static Board, note: &mut Note<'_>) {
         ("SERIAL4", "9600 baud (third port): a byte", "9600 baud: from one command"),
         ("SERIAL5", "115 200 baud (fourth port): a byte", "115 200 baud: from one command"),
     ] {
-        let commands: Vec<_> = report.wire(port).tx.as_chunks::<4>().0.iter().collect();
+        let commands = sent(&report, port, Protocol::Zk);
         let gaps = commands.iter().flat_map(|command| command.windows(2).map(|two| two[1].end - two[0].end));
         note(4, byte_row, span(gaps));
         let ends: Vec<_> =
@@ -208,8 +214,7 @@ fn start_and_lines(board: &'static Board, note: &mut Note<'_>) {
     let unsolicited = report.wire("SERIAL2").tx.iter().filter(|tx| tx.end < 2 * SECOND).count();
     note(4, "AMT ports", (unsolicited + report.wire("SERIAL3").tx.len()).to_string());
 
-    let sent = &report.wire("SERIAL2").tx;
-    let replies: Vec<_> = sent.chunks(5).collect();
+    let replies = sent(&report, "SERIAL2", Protocol::Amt);
     let text = |reply: &[emulation::Tx]| {
         let bytes: Vec<_> = reply.iter().map(|tx| format!("{:02X}", tx.byte)).collect();
         quoted(&bytes.join(" "))
@@ -267,8 +272,9 @@ fn crystal(board: &'static Board, note: &mut Note<'_>) {
     let every = report.lines("board: no crystal").map(|log| log.at).filter(|at| *at < reset);
     let every: Vec<_> = every.collect();
     note(7, "`board: no crystal", span(every.windows(2).map(|two| two[1] - two[0])));
-    let sent = report.wire("SERIAL5").tx.as_chunks::<4>().0.iter().filter(|command| command[3].end < reset);
-    let gaps = sent.flat_map(|command| command.windows(2).map(|two| two[1].end - two[0].end));
+    let commands = sent(&report, "SERIAL5", Protocol::Zk).into_iter();
+    let before = commands.filter(|command| command[3].end < reset);
+    let gaps = before.flat_map(|command| command.windows(2).map(|two| two[1].end - two[0].end));
     note(7, "a byte at 115 200 baud", span(gaps.collect::<Vec<_>>()));
     let after = report.lines("crystal").filter(|log| log.at > boots[1].0).count();
     note(7, "let it go, press reset", format!("{}, {after}", boots[1].1));

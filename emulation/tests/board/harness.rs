@@ -1,13 +1,19 @@
 //! The checks of every run find the faults that they are meant to find.
 
 use crate::support::{on_each_board, symbol};
+use emulation::engines;
 use emulation::{Board, Image, Run};
-use sim::amt::{AmtConfig, AmtEcu, EngineModel};
+use sim::any::AnyEcu;
 use sim::ecu::{MILLIS, SECOND};
 use sim::line::Line;
 
 fn complaints(run: Run) -> String {
     run.go_unchecked().1.join("\n")
+}
+
+/// The first engine's ECU on this line.
+fn olympus(board: &'static Board, line: Line) -> AnyEcu {
+    engines::on(board, Image::Release, "SERIAL2").config().on(line).ecu()
 }
 
 /// A run in which the handler of the first port's interrupt is replaced by other instructions.
@@ -27,7 +33,7 @@ fn a_good_run_has_no_complaints() {
 #[test]
 fn a_wrong_baud_rate_is_found() {
     on_each_board(|board| {
-        let ecu = AmtEcu::new(AmtConfig::new(EngineModel::Olympus).on(Line::n1(4800)));
+        let ecu = olympus(board, Line::n1(4800));
         let run = Run::new(board, Image::Release).engines().ecu("SERIAL2", Line::n1(4800), ecu);
         let found = complaints(run.until(SECOND));
         assert!(found.contains("SERIAL2: the byte received at"), "{found}");
@@ -38,7 +44,7 @@ fn a_wrong_baud_rate_is_found() {
 #[test]
 fn a_wrong_number_of_stop_bits_is_found() {
     on_each_board(|board| {
-        let ecu = AmtEcu::new(AmtConfig::new(EngineModel::Olympus).on(Line::n2(2400)));
+        let ecu = olympus(board, Line::n2(2400));
         let run = Run::new(board, Image::Release).engines().ecu("SERIAL2", Line::n2(2400), ecu);
         let found = complaints(run.until(SECOND));
         assert!(found.contains("SERIAL2: the byte sent after"), "{found}");
@@ -48,7 +54,7 @@ fn a_wrong_number_of_stop_bits_is_found() {
 #[test]
 fn a_port_that_the_firmware_did_not_open_is_found() {
     on_each_board(|board| {
-        let ecu = AmtEcu::new(AmtConfig::new(EngineModel::Olympus));
+        let ecu = olympus(board, Line::n1(2400));
         let run = Run::new(board, Image::Release).engines().ecu("SERIAL6", Line::n1(2400), ecu);
         let found = complaints(run.until(SECOND));
         assert!(found.contains("SERIAL6: P"), "{found}");

@@ -6,7 +6,8 @@
 use crate::support::{amt_engines, on_all_boards, on_boards, on_each_board, others_are_well};
 use emulation::receiver::{Position, Protocol, Receiver};
 use emulation::{Board, Fram, Image, Report, Run};
-use sim::amt::{AmtConfig, AmtEcu, EngineModel, Ops};
+use sim::amt::{AmtEcu, EngineModel, Ops};
+use sim::any::AnyConfig;
 use sim::ecu::{Ecu, LineFault, MILLIS, Nanos, SECOND};
 use sim::line::Line;
 use sim::turbine::Phase;
@@ -736,7 +737,7 @@ fn the_supply_that_the_board_measures_counts_where_the_ecu_reports_none() {
             };
             let report = Run::new(board, Image::Supply)
                 .quick_engines()
-                .ecu(port, line, AmtEcu::new(AmtConfig::new(EngineModel::Nike).on(line)))
+                .ecu(port, line, AnyConfig::amt(EngineModel::Nike).on(line).ecu())
                 .ecu(board.telemetry.name, LINE, client)
                 .at(0, |bench| bench.battery(10_500))
                 .at(CHARGED, |bench| bench.battery(12_600))

@@ -1,31 +1,24 @@
 //! The ECU powered before the board, the board before the ECU, and an ECU that restarts.
 
 use crate::support::{on_each_board, others_are_well};
-use emulation::{Image, Run, turnaround};
-use sim::amt::{AmtConfig, AmtEcu, EngineModel};
+use emulation::{Image, Run, engines, turnaround};
+use sim::amt::AmtEcu;
 use sim::ecu::{MILLIS, SECOND};
 use sim::line::Line;
-use sim::zk::{ZkConfig, ZkEcu};
+use sim::zk::ZkEcu;
 
 const AMT: &str = "SERIAL2";
 const ZK: &str = "SERIAL5";
-
-fn amt() -> AmtEcu {
-    AmtEcu::new(AmtConfig::new(EngineModel::Olympus))
-}
-
-fn zk() -> ZkEcu {
-    ZkEcu::new(ZkConfig::new(5).on(Line::n1(115_200)))
-}
 
 #[test]
 fn a_board_that_is_powered_after_its_ecu_answers() {
     on_each_board(|board| {
         // The board gets power in the middle of a frame: 10.5 s is the start of one, in step with 125 ms.
+        let [amt, zk] = [AMT, ZK].map(|port| engines::on(board, Image::Release, port).config().ecu());
         let report = Run::new(board, Image::Release)
             .engines()
-            .ecu_since(AMT, Line::n1(2400), amt(), 10_500 * MILLIS - 10 * MILLIS)
-            .ecu_since(ZK, Line::n1(115_200), zk(), 10 * SECOND)
+            .ecu_since(AMT, Line::n1(2400), amt, 10_500 * MILLIS - 10 * MILLIS)
+            .ecu_since(ZK, Line::n1(115_200), zk, 10 * SECOND)
             .until(3 * SECOND)
             .go();
         let stats = report.ecu::<AmtEcu>(AMT).stats;

@@ -4,15 +4,14 @@
 use crate::mavlink;
 use crate::radio::{AMT, Order, ZK, is_half, order_at, orders, phases};
 use crate::reply_time::GARBAGE;
-use crate::support::on_each_board;
+use crate::support::{amt, on_each_board};
 use emulation::pins::{Level, Pin};
 use emulation::receiver::Position;
-use emulation::{Board, Image, PulseReceiver, Report, Run, turnaround};
-use sim::amt::{AmtConfig, AmtEcu, EngineModel};
+use emulation::{Board, Image, PulseReceiver, Report, Run, engines, turnaround};
+use sim::amt::AmtEcu;
 use sim::ecu::{MILLIS, Nanos, SECOND};
 use sim::line::Line;
 use sim::turbine::Phase;
-use sim::zk::{ZkConfig, ZkEcu};
 
 /// Both engines, at rest, and a receiver.
 fn run(board: &'static Board) -> Run {
@@ -198,13 +197,14 @@ fn noise_on_an_input_beside_full_lines_delays_no_reply_no_stick_and_no_valve() {
         const NOISE: Nanos = 28 * SECOND;
         const STOP: Nanos = 32 * SECOND;
         let line = Line::n1(2400);
-        let titan = AmtConfig { period: 48_017_000, ..AmtConfig::new(EngineModel::Titan) }.on(line);
+        let titan = amt(board, Image::RadioPwm, "SERIAL3", |ecu| ecu.period = 48_017_000);
+        let centre = engines::on(board, Image::RadioPwm, "SERIAL4");
         // Engines on the other ports would start first.
         let others = ["SERIAL3", "SERIAL4"];
         let report = flight(board)
             .tap(AMT)
-            .ecu("SERIAL3", line, AmtEcu::new(titan))
-            .ecu("SERIAL4", Line::n1(9600), ZkEcu::new(ZkConfig::new(4).on(Line::n1(9600))))
+            .ecu("SERIAL3", line, titan)
+            .ecu("SERIAL4", centre.line, centre.config().ecu())
             .ecu(board.telemetry.name, mavlink::LINE, mavlink::flood())
             .at(MILLIS, move |bench| others.into_iter().for_each(|port| bench.power(port, false)))
             .at(NOISE, move |bench| {

@@ -4,12 +4,12 @@
 use crate::mavlink;
 use crate::outputs;
 use crate::reply_time::GARBAGE;
-use crate::support::{on_all_boards, on_boards, on_each_board};
+use crate::support::{amt, on_all_boards, on_boards, on_each_board};
 use emulation::board::Part;
 use emulation::engines::{self, Engine};
 use emulation::receiver::{Position, Protocol, Receiver};
 use emulation::{Board, Fate, Image, Report, Run, turnaround};
-use sim::amt::{AmtConfig, AmtEcu, EngineModel, Ops};
+use sim::amt::{AmtEcu, Ops};
 use sim::ecu::{MILLIS, Nanos, SECOND};
 use sim::line::Line;
 use sim::turbine::Phase;
@@ -291,8 +291,8 @@ fn the_worst_reply_beside_a_busy_receiver_is_far_inside_the_window() {
             let frame = receiver.frame();
             let line = Line::n1(2400);
             // An odd period, so that the frames coincide with everything else in every way.
-            let config = AmtConfig { period: 61_003_000, ..AmtConfig::new(EngineModel::Olympus) }.on(line);
-            let mut run = Run::new(board, image).engines().ecu(AMT, line, AmtEcu::new(config)).tap(AMT);
+            let olympus = amt(board, image, AMT, |ecu| ecu.period = 61_003_000);
+            let mut run = Run::new(board, image).engines().ecu(AMT, line, olympus).tap(AMT);
             if load != "no receiver" {
                 run = run.radio(receiver);
             }
@@ -302,9 +302,9 @@ fn the_worst_reply_beside_a_busy_receiver_is_far_inside_the_window() {
             }
             let mut until = 8 * SECOND;
             if load == ALL_FULL {
-                let titan = AmtConfig { period: 48_017_000, ..AmtConfig::new(EngineModel::Titan) }.on(line);
+                let titan = amt(board, image, "SERIAL3", |ecu| ecu.period = 48_017_000);
                 run = run
-                    .ecu("SERIAL3", line, AmtEcu::new(titan))
+                    .ecu("SERIAL3", line, titan)
                     .ecu(board.telemetry.name, mavlink::LINE, mavlink::flood())
                     .at(SECOND, |bench| {
                         bench.babble("SERIAL4", Some(&GARBAGE));

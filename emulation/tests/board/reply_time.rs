@@ -1,8 +1,9 @@
 //! From the last stop bit of an AMT frame to the first start bit of the reply, in the worst case found.
 
-use crate::support::{amt_engines, engines, line_errors_of, on_each_board};
+use crate::support::{amt, amt_engines, engines, line_errors_of, on_each_board};
 use emulation::{Board, Fate, Image, MATEK_H743, PIXRACER, Report, Run, turnaround};
-use sim::amt::{AmtConfig, AmtEcu, EngineModel};
+use sim::amt::AmtEcu;
+use sim::any::AnyEcu;
 use sim::ecu::{MILLIS, Nanos, SECOND};
 use sim::line::Line;
 
@@ -28,8 +29,8 @@ struct Row {
 }
 
 /// An AMT ECU at an odd period, so that its frames coincide with everything else in every way.
-fn amt(engine: EngineModel, line: Line, period: Nanos) -> AmtEcu {
-    AmtEcu::new(AmtConfig { period, ..AmtConfig::new(engine) }.on(line))
+fn odd(board: &'static Board, port: &str, period: Nanos) -> AnyEcu {
+    amt(board, Image::AllPorts, port, |ecu| ecu.period = period)
 }
 
 fn worst(report: &Report, load: &'static str, from: Nanos) -> Row {
@@ -53,7 +54,7 @@ fn worst(report: &Report, load: &'static str, from: Nanos) -> Row {
 fn idle(board: &'static Board, rate: u64) -> Row {
     let report = Run::new(board, Image::AllPorts)
         .instructions_per_second(rate)
-        .ecu("SERIAL2", Line::n1(2400), amt(EngineModel::Olympus, Line::n1(2400), 61_003_000))
+        .ecu("SERIAL2", Line::n1(2400), odd(board, "SERIAL2", 61_003_000))
         .tap("SERIAL2")
         .until(12 * SECOND)
         .go();
@@ -66,9 +67,9 @@ fn while_logging(board: &'static Board, rate: u64) -> Row {
     const BOOT: Nanos = 50 * MILLIS;
     const PERIOD: Nanos = SECOND / 16;
     let run = |boot, period, until| {
-        let config = AmtConfig { boot, period, ..AmtConfig::new(EngineModel::Olympus) };
+        let ecu = amt(board, Image::AllPorts, "SERIAL2", |ecu| (ecu.boot, ecu.period) = (boot, period));
         let run = Run::new(board, Image::AllPorts).instructions_per_second(rate).engines();
-        run.ecu("SERIAL2", Line::n1(2400), AmtEcu::new(config)).tap("SERIAL2").until(until).go()
+        run.ecu("SERIAL2", Line::n1(2400), ecu).tap("SERIAL2").until(until).go()
     };
     let trial = run(BOOT, PERIOD, 1_200 * MILLIS);
     let burst = trial.when("left: link") - 60_000;
@@ -91,14 +92,12 @@ fn saturated(board: &'static Board, rate: u64) -> Row {
     let mut run = Run::new(board, Image::AllPorts)
         .instructions_per_second(rate)
         .engines()
-        .ecu("SERIAL2", Line::n1(2400), amt(EngineModel::Olympus, Line::n1(2400), 47_003_000))
-        .ecu("SERIAL3", Line::n1(2400), amt(EngineModel::Titan, Line::n1(2400), 48_017_000))
+        .ecu("SERIAL2", Line::n1(2400), odd(board, "SERIAL2", 47_003_000))
+        .ecu("SERIAL3", Line::n1(2400), odd(board, "SERIAL3", 48_017_000))
         .tap("SERIAL2")
         .tap("SERIAL3");
     if board.ports.len() > 5 {
-        run = run
-            .ecu("SERIAL7", Line::n1(9600), amt(EngineModel::Mercury, Line::n1(9600), 12_007_000))
-            .tap("SERIAL7");
+        run = run.ecu("SERIAL7", Line::n1(9600), odd(board, "SERIAL7", 12_007_000)).tap("SERIAL7");
     }
     for port in ["SERIAL4", "SERIAL5", "SERIAL6"] {
         run = run.at(1_000 * MILLIS, move |bench| bench.babble(port, Some(&GARBAGE)));

@@ -3,6 +3,7 @@
 use crate::support::{on_each_board, others_are_well};
 use emulation::{Image, Report, Run};
 use sim::amt::AmtEcu;
+use sim::any::Protocol;
 use sim::ecu::{MILLIS, Nanos, SECOND};
 
 const AMT: &str = "SERIAL2";
@@ -53,7 +54,8 @@ fn port_with_a_stuck_transmitter_is_reopened_and_serves_its_ecu_again() {
         let since = 5 * SECOND;
         let replies = report.ecu::<AmtEcu>(AMT).commands.iter().filter(|(at, _)| *at > since).count();
         assert!((23..=24).contains(&replies), "{replies} replies in 3 s");
-        let commands = report.wire(ZK).tx.iter().filter(|tx| tx.end > since && tx.byte == 0xFF).count();
+        let commands = report.wire(ZK).frames(Protocol::Zk);
+        let commands = commands.iter().filter(|(_, bytes)| bytes[0].end > since).count();
         assert!((149..=151).contains(&commands), "{commands} commands in 3 s");
         others_are_well(&report, &[AMT, ZK]);
     });

@@ -1,8 +1,9 @@
 //! Helpers and checks that several tests share.
 
-use emulation::engines::{self, Engine, Protocol};
+use emulation::engines::{self, Engine};
 use emulation::{BOARDS, Bench, Board, Image, Report};
-use sim::amt::AmtEcu;
+use sim::amt::{AmtConfig, AmtEcu};
+use sim::any::{AnyConfig, AnyEcu, Protocol};
 use sim::ecu::{MILLIS, Nanos};
 use sim::zk::ZkEcu;
 
@@ -56,6 +57,13 @@ pub fn engines(report: &Report) -> Vec<Engine> {
     engines::of(report.board, report.image)
 }
 
+/// The AMT ECU of the engine on this port, with these changes.
+pub fn amt(board: &'static Board, image: Image, port: &str, change: impl FnOnce(&mut AmtConfig)) -> AnyEcu {
+    let mut config = engines::on(board, image, port).config().try_into().expect("an AMT ECU");
+    change(&mut config);
+    AnyConfig::from(config).ecu()
+}
+
 /// The AMT ECU of an engine got one reply to each of its frames, in time, and nothing else.
 pub fn no_window_missed(report: &Report, engine: &Engine) {
     let stats = report.ecu::<AmtEcu>(engine.port).stats;
@@ -69,7 +77,7 @@ pub fn no_window_missed(report: &Report, engine: &Engine) {
 
 /// The ZK ECU of an engine got a good command at every period of the rate that the firmware has set.
 pub fn no_slot_missed(report: &Report, engine: &Engine) {
-    let Protocol::Zk(rate, _) = engine.protocol else { panic!("{} is no ZK engine", engine.name) };
+    let rate = engine.rate.unwrap_or_else(|| panic!("{} is no ZK engine", engine.name));
     let ecu = report.ecu::<ZkEcu>(engine.port);
     let stats = ecu.stats;
     let text = format!("{} {}: {stats:?}", report.board.name, engine.name);
@@ -85,7 +93,7 @@ pub fn no_slot_missed(report: &Report, engine: &Engine) {
 /// The AMT engines of an image.
 pub fn amt_engines(report: &Report) -> Vec<Engine> {
     let all = engines(report);
-    all.into_iter().filter(|engine| matches!(engine.protocol, Protocol::Amt(_))).collect()
+    all.into_iter().filter(|engine| engine.protocol() == Protocol::Amt).collect()
 }
 
 /// Every engine but those on these ports was served without a fault.
@@ -99,9 +107,9 @@ pub fn others_are_well(report: &Report, but: &[&str]) {
 
 /// An engine's line was served without a fault.
 pub fn well(report: &Report, engine: &Engine) {
-    match engine.protocol {
-        Protocol::Amt(_) => no_window_missed(report, engine),
-        Protocol::Zk(..) => no_slot_missed(report, engine),
+    match engine.protocol() {
+        Protocol::Amt => no_window_missed(report, engine),
+        Protocol::Zk => no_slot_missed(report, engine),
     }
 }
 
