@@ -29,7 +29,7 @@ macro_rules! protocols {
                 zk_rate: status_rate "E1_ZK_RATE" in 20..=100, 7 bits, "With ZK: status rate in Hz: 20, 50 or 100.";
             };
             /// The toy protocol.
-            Toy = 3 "toy" ($crate::ecu::toy::config::Config, $crate::ecu::toy::config::Mistake, $crate::ecu::toy::config::Service, $crate::ecu::toy::codec::Faults) { toy_engine: number "E1_TOY_ENGINE" in 0..=7, 3 bits, "With the toy: serial number of the engine."; };
+            Toy = 3 "toy" ($crate::ecu::toy::config::Config, $crate::ecu::toy::config::Mistake, $crate::ecu::toy::config::Service, $crate::ecu::toy::codec::Faults) { toy_engine: number "E1_TOY_ENGINE" in 0..=1, 1 bits, "With the toy: serial number of the engine."; };
         }
     };
 }

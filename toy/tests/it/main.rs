@@ -101,11 +101,11 @@ fn toy_settings_have_range_default_and_effect() {
 /// The wiring in RAM survives a reset with an engine of the toy, as with any other.
 #[test]
 fn toy_wiring_is_one_number_and_back() {
-    for number in 0..=7 {
+    for number in 0..=1 {
         let mut engine = ENGINE;
         engine.ecu = EcuConfig::Toy(Config { engine: number, ..Config::DEFAULT });
         let wiring = Wiring::of(&engine);
-        assert_eq!((wiring.protocol, wiring.toy_engine), (3, number));
+        assert_eq!((wiring.protocol, wiring.toy_engine), (next_number(), number));
         assert_eq!(Wiring::unpacked(wiring.packed()), Some(wiring));
         let mut wired = EngineConfig::zk("toy", 5, LINE, Rate::Hz20);
         wiring.apply(&mut wired);
@@ -124,9 +124,11 @@ fn toy_wiring_is_one_number_and_back() {
 fn toy_is_among_the_protocols_of_the_wiring() {
     let settings = Wiring::table(&Wiring::of(&ENGINE));
     let row = |name| settings.iter().find(|row| row.name == name).expect("a row of the wiring");
-    assert_eq!((row("E1_PROTO").min, row("E1_PROTO").max), (1, 3));
-    assert_eq!(row("E1_PROTO").text, "Protocol of the ECU. 1: AMT. 2: ZK. 3: toy.");
-    assert_eq!((row("E1_TOY_ENGINE").max, row("E1_TOY_ENGINE").default), (7, 0));
+    assert_eq!((row("E1_PROTO").min, row("E1_PROTO").max), (1, next_number().into()));
+    let text = row("E1_PROTO").text;
+    assert!(text.starts_with("Protocol of the ECU. 1: AMT. 2: ZK. "), "{text}");
+    assert!(text.ends_with(&format!(" {}: toy.", next_number())), "{text}");
+    assert_eq!((row("E1_TOY_ENGINE").max, row("E1_TOY_ENGINE").default), (1, 0));
     let ports = Ports { count: 1, taken: None, two_stop_bits: true };
     let two = EngineConfig { line: Line::with_two_stop_bits(9600), ..ENGINE };
     assert_eq!(wiring::check(&[ENGINE], ports), Ok(()));
@@ -275,23 +277,106 @@ fn node_takes_settings_of_the_toy_protocol_at_rest() {
     });
 }
 
+fn read(name: &str) -> String {
+    let path = format!("{}/../{name}", env!("CARGO_MANIFEST_DIR"));
+    std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}"))
+}
+
+/// The lines of a source file without the paths of its modules.
+fn lines(text: &str) -> Vec<String> {
+    text.lines().filter(|line| !line.trim_start().starts_with("#[path")).map(str::to_owned).collect()
+}
+
+/// The name of the module that a line declares.
+fn module(line: &str) -> Option<&str> {
+    let rest = line.strip_prefix("pub ").unwrap_or(line);
+    rest.strip_prefix("mod ")?.strip_suffix(';')
+}
+
+/// The number for one more protocol of the library.
+fn next_number() -> u8 {
+    let list = read("jetlink/src/ecu/mod.rs");
+    let numbers = list.lines().filter_map(|line| {
+        let (_, rest) = line.split_once(" = ")?;
+        let (number, _) = rest.split_once(" \"")?;
+        number.parse::<u8>().ok()
+    });
+    numbers.max().expect("numbers of protocols") + 1
+}
+
+/// A source file of the library or of the simulation with the toy protocol: `own` are its modules here, the paths of the others are in
+/// `folder`, `row` is in its list of protocols.
+fn with_toy(source: &str, own: &[&str], folder: &str, row: &str) -> String {
+    let mut made = String::new();
+    let mut added = false;
+    for line in read(source).lines() {
+        if let Some(name) = module(line) {
+            if !added && name > "toy" {
+                made += "pub mod toy;\n";
+                added = true;
+            }
+            if !own.contains(&name) {
+                let below = format!("{}/{name}/mod.rs", source.rsplit_once('/').unwrap().0);
+                let is_folder =
+                    std::fs::exists(format!("{}/../{below}", env!("CARGO_MANIFEST_DIR"))).unwrap();
+                let file = if is_folder { format!("{name}/mod.rs") } else { format!("{name}.rs") };
+                made += &format!("#[path = \"{folder}/{file}\"]\n");
+            }
+        }
+        if line == "        }" {
+            made += &format!("            /// The toy protocol.\n            {row}\n");
+        }
+        made += line;
+        made.push('\n');
+    }
+    made
+}
+
+/// Compares a file with what is made, or writes it where `JETLINK_WRITE` is set.
+fn compare(name: &str, made: &str) {
+    if std::env::var_os("JETLINK_WRITE").is_some() {
+        std::fs::write(format!("{}/../{name}", env!("CARGO_MANIFEST_DIR")), made).unwrap();
+    } else {
+        assert_eq!(read(name), made, "{name}: rewrite it with JETLINK_WRITE=1");
+    }
+}
+
+/// After a new protocol of the library: `JETLINK_WRITE=1 cargo test --package toy lists_of_the_toy` rewrites them, with the toy's new number.
+#[test]
+fn lists_of_the_toy_are_those_of_the_library_and_the_simulation_with_one_more_protocol() {
+    let row_of = |name: &str, begins: &str| {
+        let text = read(name);
+        let row = text.lines().find_map(|line| line.trim_start().strip_prefix(begins));
+        row.unwrap_or_else(|| panic!("{name}: the toy's row")).to_owned()
+    };
+    let arm = row_of("toy/src/ecu/mod.rs", "Toy = ");
+    let (_, arm) = arm.split_once(' ').expect("the number of the toy");
+    let arm = format!("Toy = {} {arm}", next_number());
+    let list = with_toy("jetlink/src/ecu/mod.rs", &[], "../../../jetlink/src/ecu", &arm);
+    compare("toy/src/ecu/mod.rs", &list);
+
+    let row = format!("Toy toy{}", row_of("toy/sim/src/protocols.rs", "Toy toy"));
+    compare("toy/sim/src/protocols.rs", &with_toy("sim/src/protocols.rs", &[], "", &row));
+
+    // Its first lines are its own.
+    let simulation = read("toy/sim/src/lib.rs");
+    let (begin, _) = simulation.split_once("\n#[path").expect("modules");
+    let made = with_toy("sim/src/lib.rs", &["protocols"], "../../../sim/src", "");
+    let (_, modules) = made.split_once("\n#[path").expect("modules");
+    compare("toy/sim/src/lib.rs", &format!("{begin}\n#[path{modules}"));
+}
+
 /// docs/porting.md says what a new protocol needs in the library: its folder and two lines in `ecu/mod.rs`; and in the simulation: its
 /// folder, a `mod` line, and a line in `protocols.rs`. All other files are their own.
 #[test]
 fn toy_protocol_takes_a_folder_and_two_lines() {
-    let read = |name: &str| {
-        let path = format!("{}/../{name}", env!("CARGO_MANIFEST_DIR"));
-        std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}"))
-    };
-    let lines = |text: &str| -> Vec<String> {
-        text.lines().filter(|line| !line.trim_start().starts_with("#[path")).map(str::to_owned).collect()
-    };
     let (toys, librarys) = (lines(&read("toy/src/ecu/mod.rs")), lines(&read("jetlink/src/ecu/mod.rs")));
     let added: Vec<&str> =
         toys.iter().filter(|line| !librarys.contains(line)).map(|line| line.trim_start()).collect();
     let [module, doc, arm] = added[..] else { panic!("{added:#?}") };
     assert_eq!((module, doc), ("pub mod toy;", "/// The toy protocol."));
-    assert!(arm.starts_with("Toy = 3 \"toy\" ($crate::ecu::toy::config::Config, "), "{arm}");
+    let begin = format!("Toy = {} \"toy\" ($crate::ecu::toy::config::Config, ", next_number());
+    assert!(arm.starts_with(&begin), "{arm}");
     let without: Vec<&String> = toys.iter().filter(|line| !added.contains(&line.trim_start())).collect();
     assert_eq!(without, librarys.iter().collect::<Vec<_>>());
 
