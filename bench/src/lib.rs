@@ -1,4 +1,4 @@
-//! Benches of the tests, of the library and of whole nodes: for tests, and for the runner of QEMU.
+//! Benches of the tests, of the library and of whole nodes. The rig and the runner of QEMU use [`rows`] only.
 //!
 //! - [`by_hand`]: a link or an engine without clock and task. The bench plays the runner and the UART.
 //! - [`rows`]: the simulated ECU for a row of the table of engines, and its wire.
