@@ -16,6 +16,8 @@ use jetlink::units::Celsius;
 const EGT_FALL: i16 = 200;
 /// Exhaust temperature at which an engine is cold.
 const COLD: Celsius = Celsius::from_tenths(1000);
+/// Exhaust temperature at which nothing burns: while the ECU cools the engine, its starter may turn it at a constant speed.
+const COOLED: Celsius = Celsius::from_tenths(2000);
 /// Exhaust temperature below which a report is wrong.
 const COLDEST: Celsius = Celsius::from_tenths(-400);
 /// Time for which an engine has to be reported cold until its starter is no longer needed.
@@ -60,6 +62,8 @@ pub enum Why {
     NotReceived,
     /// Standby is ordered, and the engine does not slow down.
     KeepsRunning,
+    /// Standby is ordered, and the ECU reports that it cools an engine that is no longer hot.
+    Cools,
     /// The engine is armed.
     Armed,
     /// The ECU reports that the engine starts, runs or cools.
@@ -84,6 +88,7 @@ impl Why {
             Self::NotObeyed => "the ECU does not obey standby",
             Self::NotReceived => "standby, and the ECU is not received",
             Self::KeepsRunning => "standby, and the engine does not slow down",
+            Self::Cools => "the ECU cools the engine",
             Self::Armed => "the engine is armed",
             Self::Busy => "the ECU starts, runs or cools the engine",
             Self::Cold => "the engine is cold and at rest",
@@ -354,7 +359,10 @@ impl Outputs {
         least.egt = least.egt.or(egt);
         let since = least.since;
         let after = OBEY_GRACE.checked_add(self.settings.not_obeyed?)?;
-        (telemetry.at.saturating_duration_since(since) >= after).then_some(Why::KeepsRunning)
+        let cools = phase(telemetry) == Some(Phase::Cooling)
+            && egt.is_some_and(|egt| (COLDEST.tenths()..=COOLED.tenths()).contains(&egt));
+        let why = if cools { Why::Cools } else { Why::KeepsRunning };
+        (telemetry.at.saturating_duration_since(since) >= after).then_some(why)
     }
 
     /// `None`: it stays as it is.

@@ -32,6 +32,8 @@ const RETURN: Duration = Duration::from_secs(1);
 const HOLD_RETURN: Duration = Duration::from_millis(300);
 /// The same without a gap, for all positions but stop, which is accepted at once.
 const HOLD: Duration = Duration::from_millis(60);
+/// Time for which stop has to be received in all, where gaps of less than [`RETURN`] lie between its frames.
+const HOLD_IN_ALL: Duration = Duration::from_millis(600);
 /// Shortest pulse, in µs, of a throttle, and of a stop beside a throttle that cannot be read: a starting autopilot sends 881 µs on all its
 /// outputs.
 const DRIVEN: u16 = 900;
@@ -111,11 +113,14 @@ struct Settling {
     all: bool,
 }
 
-/// Frames with the switch at stop while another channel cannot be read: the first and the last one.
+/// Frames with the switch at stop, whether the other channels can be read or not.
 #[derive(Clone, Copy, Debug)]
-struct UnreadableStop {
-    first: Instant,
+struct HeldStop {
+    /// The first one since a gap, and the last one.
+    since: Instant,
     last: Instant,
+    /// Time of all of them, without the gaps.
+    in_all: Duration,
     /// A frame of another sender came after the last one.
     other: bool,
 }
@@ -143,8 +148,7 @@ pub struct Pilot<'a> {
     /// The start of the last move waits for another engine.
     waits: bool,
     alternation: Alternation,
-    /// Frames with the switch at stop while another channel cannot be read.
-    unreadable_stop: Option<UnreadableStop>,
+    held_stop: Option<HeldStop>,
     calibration: Option<Calibration>,
     /// The stored settings are damaged, and nobody has confirmed the present ones.
     damaged: bool,
@@ -179,7 +183,7 @@ impl<'a> Pilot<'a> {
             shut_down: false,
             waits: false,
             alternation: Alternation::NEW,
-            unreadable_stop: None,
+            held_stop: None,
             calibration: None,
             damaged: false,
             moved: false,
@@ -289,27 +293,27 @@ impl<'a> Pilot<'a> {
 
     fn judge(&mut self, now: Instant, channels: &Channels) -> Outcome {
         let telemetry = self.telemetry();
+        let throttle = channels.get(self.settings.throttle);
+        let alternates = throttle.is_some_and(|pulse| self.alternation.see(now, pulse.us()));
         if let Some(calibration) = &mut self.calibration {
             if telemetry.turns() {
                 self.calibration = None;
-            } else if let Some(pulse) = channels.get(self.settings.throttle) {
+            } else if let Some(pulse) = throttle.filter(|pulse| pulse.us() >= DRIVEN && !alternates) {
                 calibration.see(pulse);
             }
         }
-        let throttle = channels.get(self.settings.throttle);
-        let alternates = throttle.is_some_and(|pulse| self.alternation.see(now, pulse.us()));
+        let stop_is_held = self.holds_stop(now, channels, alternates);
         let reading = match self.read(channels) {
-            Ok(_) if alternates => return self.unreadable(now, channels, Ignored::Throttle, true),
+            Ok(_) if alternates => return self.unless_stop(stop_is_held, Ignored::Throttle),
             Ok(reading) => reading,
-            Err(why) => return self.unreadable(now, channels, why, alternates),
+            Err(why) => return self.unless_stop(stop_is_held, why),
         };
-        self.unreadable_stop = None;
         let Settling { before, position, all } = self.settle(now, &reading);
         if position {
             self.note_moves(now, before, &reading);
         }
         if !all {
-            return Outcome::Ignored(Ignored::Settling);
+            return self.unless_stop(stop_is_held, Ignored::Settling);
         }
         let command = match reading.position {
             Some(Position::Stop) => return self.stop(),
@@ -341,23 +345,32 @@ impl<'a> Pilot<'a> {
         Outcome::Commanded(command, self.source.command(command))
     }
 
-    /// A frame with a channel that cannot be read. Only a stop is obeyed, once it has been held: a broken stick must not disable it. If two
-    /// senders alternate, every second frame is enough.
-    fn unreadable(&mut self, now: Instant, channels: &Channels, why: Ignored, alternates: bool) -> Outcome {
-        let pulse =
-            channels.get(self.settings.switch).filter(|pulse| why != Ignored::Off && pulse.us() >= DRIVEN);
-        let row = self.unreadable_stop.filter(|row| now.saturating_duration_since(row.last) <= GAP);
-        if pulse.and_then(|pulse| Position::of(pulse, &self.settings)) != Some(Position::Stop) {
-            let row = row.filter(|row| alternates && !row.other);
-            self.unreadable_stop = row.map(|row| UnreadableStop { other: true, ..row });
-            return Outcome::Ignored(why);
+    /// A frame that is ignored, unless stop is held: a broken stick, or a link with gaps, must not disable it.
+    fn unless_stop(&mut self, stop_is_held: bool, why: Ignored) -> Outcome {
+        if stop_is_held { self.stop() } else { Outcome::Ignored(why) }
+    }
+
+    /// Whether the switch has been at stop for long enough, whatever the other channels show. If two senders alternate, every second frame is
+    /// enough.
+    fn holds_stop(&mut self, now: Instant, channels: &Channels, alternates: bool) -> bool {
+        let Some(pulse) = channels.get(self.settings.switch).filter(|_| self.settings.throttle != 0) else {
+            // A silent switch has no other position.
+            return false;
+        };
+        let at_stop = Position::of(pulse, &self.settings) == Some(Position::Stop) && pulse.us() >= DRIVEN;
+        let passed = self.held_stop.map_or(Duration::MAX, |held| now.saturating_duration_since(held.last));
+        if !at_stop {
+            let held = self.held_stop.filter(|held| alternates && !held.other && passed <= GAP);
+            self.held_stop = held.map(|held| HeldStop { other: true, ..held });
+            return false;
         }
-        let first = row.map_or(now, |row| row.first);
-        self.unreadable_stop = Some(UnreadableStop { first, last: now, other: false });
-        if now.saturating_duration_since(first) < HOLD_RETURN {
-            return Outcome::Ignored(why);
-        }
-        self.stop()
+        let held = match self.held_stop {
+            Some(held) if passed <= GAP => HeldStop { in_all: held.in_all + passed, ..held },
+            Some(held) if passed < RETURN => HeldStop { since: now, ..held },
+            _ => HeldStop { since: now, last: now, in_all: Duration::from_ticks(0), other: false },
+        };
+        self.held_stop = Some(HeldStop { last: now, other: false, ..held });
+        now.saturating_duration_since(held.since) >= HOLD_RETURN || held.in_all >= HOLD_IN_ALL
     }
 
     fn read(&self, channels: &Channels) -> Result<Reading, Ignored> {

@@ -329,7 +329,7 @@ impl Transmitter {
         use Position::{Run, Standby, Stop};
         let rng = &mut self.rng;
         let away = rng.pick(&AWAY);
-        let drill = rng.below(8);
+        let drill = rng.below(10);
         let back = at(Run, rng.pick(&[self.sticks.tenths, 0, 600, 1000]));
         let here = at(Run, self.sticks.tenths);
         match drill {
@@ -354,6 +354,20 @@ impl Transmitter {
             }
             5 => self.step(here.sends(Sends::ThrottleBeyond), 20 * MS, 10 * SECOND),
             6 => self.step(here.sends(Sends::SwitchBetween), 20 * MS, 10 * SECOND),
+            // Stop at the end of the range, or beside a loose wire of the throttle; or the same at run.
+            7 | 8 => {
+                let stops = self.rng.percent(50);
+                let seen = at(if stops { Stop } else { Run }, here.tenths);
+                let between = if drill == 7 { Sends::Nothing } else { Sends::ThrottleBeyond };
+                for _ in 0..12 {
+                    self.step(seen, 60 * MS, 290 * MS);
+                    self.step(seen.sends(between), 150 * MS, 600 * MS);
+                }
+                if stops {
+                    self.program = Program::Stopped;
+                    return self.step(at(Stop, 0), SECOND, 5 * SECOND);
+                }
+            }
             _ => {
                 self.step(at(Standby, here.tenths), 10 * MS, 45 * MS);
                 if self.rng.percent(20) {

@@ -30,6 +30,11 @@ fn calibration_takes_the_end_points_and_is_refused_while_the_engine_turns() {
         let (low, high) = calibrate(&[1050, 1500, 1950, 1050]).await.unwrap();
         // SBUS and CRSF have steps of 5/8 µs.
         assert!(low.abs_diff(1050) <= 1 && high.abs_diff(1950) <= 1, "{low} to {high}");
+        // What an autopilot sends on outputs that it does not drive is not an end point.
+        let (low, _) = calibrate(&[1100, 881, 1500, 1950, 1100]).await.unwrap();
+        assert!(low.abs_diff(1100) <= 1, "{low}");
+        let (low, high) = calibrate(&[1050, 1500, 1950, 1050]).await.unwrap();
+        assert!(low.abs_diff(1050) <= 1 && high.abs_diff(1950) <= 1, "{low} to {high}");
         // A switch that moves meanwhile starts nothing, but stop stops.
         world.radio.stick.set(1050);
         world.pilot.borrow_mut().begin_calibration().unwrap();

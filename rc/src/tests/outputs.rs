@@ -296,6 +296,28 @@ fn an_engine_that_does_not_slow_down_in_standby_loses_its_fuel_and_one_that_does
     );
 }
 
+/// A starter that turns a turbine at a constant speed closes the valve of one that is no longer hot, without an alarm. A hot one may still run.
+#[test]
+fn a_valve_that_closes_while_the_ecu_cools_the_engine_is_not_an_alarm() {
+    for (celsius, why) in
+        [(130, Why::Cools), (200, Why::Cools), (201, Why::KeepsRunning), (-50, Why::KeepsRunning)]
+    {
+        let mut outputs = outputs(Valve::Open);
+        let closed = (0..90_u64).find_map(|tenth| {
+            let at = T0 + Duration::from_millis(tenth * 100);
+            let mut telemetry = snapshot(Order::Standby, Some(Phase::Cooling), None);
+            telemetry.at = at;
+            telemetry.ordered.origin = Origin::Rc;
+            telemetry.report.phase = Some(Timed::new(Phase::Cooling, at));
+            telemetry.report.rpm = Some(Timed::new(Rpm::new(4000), at));
+            telemetry.report.egt = Some(Timed::new(Celsius::from_tenths(celsius * 10), at));
+            outputs.update(&telemetry)[0].map(|change| (tenth * 100, change))
+        });
+        assert_eq!(closed, Some((8000, Change::Valve(Valve::Closed, why))), "{celsius} °C");
+        assert_eq!(why.is_alarming(), celsius != 130 && celsius != 200);
+    }
+}
+
 #[test]
 fn an_engine_that_the_node_itself_stops_in_doubt_is_judged_by_its_state_alone() {
     for (phase, closes) in [(Some(Phase::Running), Some(8000)), (None, None)] {

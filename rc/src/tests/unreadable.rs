@@ -60,6 +60,50 @@ fn stop_counts_beside_a_channel_that_cannot_be_read() {
     }
 }
 
+/// The throttle's wire is loose: frames in which it can be read alternate with those in which it cannot, for less than 0.3 s each. The switch
+/// is at stop in all of them. The control: the switch at standby.
+#[test]
+fn stop_counts_beside_a_channel_that_can_be_read_now_and_then() {
+    for kind in Kind::ALL {
+        for (switch, stops) in [(STOP, true), (STANDBY, false)] {
+            run(kind, async |world| {
+                world.start().await;
+                world.radio.stick.set(1500);
+                world.until("half throttle", 5, || world.ordered() == Some(500)).await;
+                for readable in [false, true].repeat(4) {
+                    world.radio.switch.set(switch);
+                    world.radio.stick.set(if readable { 1500 } else { 900 });
+                    Timer::after_millis(250).await;
+                }
+                assert_eq!(world.telemetry().stop_latched, stops, "{kind:?}, {switch}");
+            });
+        }
+    }
+}
+
+/// A link at the end of its range: frames for less than 0.3 s, and none for longer than a gap. Stop in all that is received is obeyed after
+/// 0.6 s of frames. The control: every second burst has the switch at run, which keeps the engine running.
+#[test]
+fn stop_counts_in_bursts_of_frames() {
+    for kind in Kind::ALL {
+        for (others, stops) in [(STOP, true), (RUN, false)] {
+            run(kind, async |world| {
+                world.start().await;
+                world.radio.stick.set(1500);
+                world.until("half throttle", 5, || world.ordered() == Some(500)).await;
+                for switch in [STOP, others].repeat(8) {
+                    world.radio.on.set(false);
+                    Timer::after_millis(400).await;
+                    world.radio.switch.set(switch);
+                    world.radio.on.set(true);
+                    Timer::after_millis(250).await;
+                }
+                assert_eq!(world.telemetry().stop_latched, stops, "{kind:?}, {others}");
+            });
+        }
+    }
+}
+
 /// A starting autopilot sends 881 µs on all outputs.
 #[test]
 fn outputs_that_nobody_drives_are_not_a_stop() {

@@ -20,8 +20,11 @@ const STEPS_APART: u64 = 100 * MS;
 const IN_TURNS: u8 = 3;
 /// Time from the last such step for which it counts as silence.
 const SILENT: u64 = SECOND;
-/// Shortest pulse of a stop beside a channel that cannot be read, µs.
+/// Shortest pulse of a stop that counts because it is held, µs.
 const DRIVEN: u16 = 900;
+/// Time for which such a stop is held, without a pause and in all.
+const HELD_STOP: u64 = 300 * MS;
+const HELD_STOP_IN_ALL: u64 = 600 * MS;
 
 /// Channels of a frame, in the numbers of SBUS.
 type Channels = [u16; 16];
@@ -54,14 +57,33 @@ pub(super) struct Sight {
     pub moved: Option<Move>,
     /// The engine has been handed over since that move, by a hand-over channel that counted.
     pub was_handed_over: bool,
+    pub stop: Option<HeldStop>,
+}
+
+/// Frames with the switch at stop, whether the other channels can be read or not, and no frame with another position between.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) struct HeldStop {
+    /// The first one since a pause, and the last one.
+    since: u64,
+    last: u64,
+    /// Without the pauses, each shorter than 1 s.
+    in_all: u64,
+}
+
+impl HeldStop {
+    /// Whether it has been held for long enough, by this much more or less.
+    pub(super) fn counts(&self, more: i64) -> bool {
+        let is = |held: u64, needed: u64| held as i64 >= needed as i64 + more;
+        is(self.last - self.since, HELD_STOP) || is(self.in_all, HELD_STOP_IN_ALL)
+    }
 }
 
 /// A frame with values that count.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Shown {
     Sight(Sight),
-    /// A channel cannot be read. The switch has been at stop in such frames since then.
-    Unreadable(Option<u64>),
+    /// A channel cannot be read.
+    Unreadable(Option<HeldStop>),
 }
 
 /// What each frame shows, in the order of time; `None`: its values do not count. `ups`: when a node began.
@@ -141,8 +163,7 @@ struct Eyes {
     idle: Option<u64>,
     moved: Option<Move>,
     was_handed_over: bool,
-    /// First and last frame of those that cannot be read, with the switch at stop.
-    stop: Option<(u64, u64)>,
+    stop: Option<HeldStop>,
     /// The throttle of the last frame, its last step and whether it went up, how many steps alternated, and until when it is no
     /// stick.
     throttle: Option<u16>,
@@ -187,13 +208,10 @@ impl Eyes {
         let in_range =
             driven && throttle + rules.beyond >= rules.low && throttle <= rules.high + rules.beyond;
         let in_turns = self.goes_to_and_fro(at, throttle);
+        self.see_stop(at, position == Some(Position::Stop) && switch >= DRIVEN);
         let (Some(position), Some(hand_over), true) = (position, hand_over, in_range && !in_turns) else {
-            let at_stop = position == Some(Position::Stop) && switch >= DRIVEN;
-            let row = self.stop.filter(|(_, last)| at <= last + PAUSE).map_or(at, |(first, _)| first);
-            self.stop = at_stop.then_some((row, at));
-            return Shown::Unreadable(self.stop.map(|(first, _)| first));
+            return Shown::Unreadable(self.stop);
         };
-        self.stop = None;
         if self.last.replace(at).is_none_or(|last| at > last + PAUSE) {
             self.since = at;
             (self.shown, self.hand_over_shown, self.idle, self.moved) = (None, None, None, None);
@@ -237,7 +255,18 @@ impl Eyes {
             idle: self.idle,
             moved: self.moved.filter(|_| self.position == Some(position)),
             was_handed_over: self.was_handed_over,
+            stop: self.stop,
         })
+    }
+
+    fn see_stop(&mut self, at: u64, at_stop: bool) {
+        self.stop = at_stop.then_some(match self.stop {
+            Some(stop) if at <= stop.last + PAUSE => {
+                HeldStop { last: at, in_all: stop.in_all + (at - stop.last), ..stop }
+            }
+            Some(stop) if at < stop.last + SECOND => HeldStop { since: at, last: at, ..stop },
+            _ => HeldStop { since: at, last: at, in_all: 0 },
+        });
     }
 }
 

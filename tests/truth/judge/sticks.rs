@@ -85,15 +85,17 @@ impl Case<'_> {
     ) -> Result<(), &'static str> {
         let sight = match shown {
             None => return Err("the values of this frame do not count"),
-            Some(Shown::Unreadable(since)) => {
-                let held = since.is_some_and(|since| at + FRAMES >= since + 300 * MS);
+            Some(Shown::Unreadable(held)) => {
+                let held = held.is_some_and(|held| held.counts(-(FRAMES as i64)));
                 let stop = matches!(command, PilotCommand::Stop | PilotCommand::Disarm);
                 return if held && stop { Ok(()) } else { Err("a channel cannot be read") };
             }
             Some(Shown::Sight(sight)) => sight,
         };
         if !sight.counts {
-            return Err("the switch has not been there for long enough");
+            let held = sight.stop.is_some_and(|held| held.counts(-(FRAMES as i64)));
+            let stop = matches!(command, PilotCommand::Stop | PilotCommand::Disarm);
+            return if held && stop { Ok(()) } else { Err("the switch has not been there for long enough") };
         }
         let released = || {
             let moved = sight.moved.is_some_and(|moved| moved.from == Position::Stop);
@@ -179,12 +181,16 @@ impl Case<'_> {
     fn must(&self, at: u64, shown: &Shown, given: &[PilotCommand], last: &Last) -> Option<String> {
         let has = |wanted: PilotCommand| given.contains(&wanted);
         let sight = match shown {
-            Shown::Unreadable(since) => {
-                let held = since.is_some_and(|since| at >= since + 300 * MS + FRAMES);
+            Shown::Unreadable(held) => {
+                let held = held.is_some_and(|held| held.counts(FRAMES as i64));
                 return (held && !has(PilotCommand::Stop))
                     .then(|| "the switch is at stop beside a channel that cannot be read".into());
             }
-            Shown::Sight(sight) if !sight.counts => return None,
+            Shown::Sight(sight) if !sight.counts => {
+                let held = sight.stop.is_some_and(|held| held.counts(FRAMES as i64));
+                return (held && !has(PilotCommand::Stop))
+                    .then(|| "the switch has been at stop for long enough".into());
+            }
             Shown::Sight(sight) => sight,
         };
         if sight.position == Position::Stop {

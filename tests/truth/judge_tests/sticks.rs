@@ -329,6 +329,41 @@ fn a_switch_at_stop_stops() {
     speaks(story(39.32, low), "a channel cannot be read");
 }
 
+/// At the end of its range a receiver gives bursts of frames: stop counts once it has been held for 0.6 s in all. So it does where the
+/// throttle can be read in every second burst only.
+#[test]
+fn a_switch_at_stop_in_bursts_stops() {
+    let story = |between: Option<[u16; 3]>, stop: (f64, f64)| {
+        let (stop_from, stop_to) = stop;
+        let mut flown = flown(40.0).sends(35.0, between.map(|pulses| (pulses, 0)));
+        for burst in 0..4 {
+            let at = 35.4 + 0.65 * f64::from(burst);
+            let between = between.map(|pulses| (pulses, 0));
+            flown = flown.sends(at, good(Position::Stop, 500)).sends(at + 0.25, between);
+        }
+        flown.sends(37.6, None).commands(&but(35.01, 40.0, &[(stop_from, stop_to, PilotCommand::Stop)]))
+    };
+    is_silent(story(None, (37.37, 37.6)));
+    speaks(story(None, (37.6, 37.6)), "at stop for long enough");
+    speaks(story(None, (36.1, 36.2)), "has not been there for long enough");
+    let loose = Some([2150, 1000, 1000]);
+    is_silent(story(loose, (35.34, 37.6)));
+    speaks(story(loose, (35.34, 35.4)), "the switch is at stop beside a channel");
+    speaks(story(loose, (35.1, 35.4)), "a channel cannot be read");
+    // With run in every second burst it does not.
+    let mut flown = flown(40.0).sends(35.0, None);
+    let mut commands = Vec::new();
+    for burst in 0..8 {
+        let at = 35.4 + 0.56 * f64::from(burst);
+        let position = if burst % 2 == 0 { Position::Stop } else { Position::Run };
+        flown = flown.sends(at, good(position, 500)).sends(at + 0.25, None);
+        if position == Position::Run {
+            commands.push((at + 0.028, at + 0.25, run(500)));
+        }
+    }
+    is_silent(flown.commands(&but(35.01, 40.0, &commands)));
+}
+
 #[test]
 fn an_engine_that_is_handed_over_is_commanded_nothing_but_a_stop() {
     const HANDED_OVER: Sends = Some(([1500, 2000, 2000], 0));
