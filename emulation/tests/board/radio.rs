@@ -283,8 +283,7 @@ fn a_socket_receives_only_while_its_inverter_fits_the_line() {
 fn the_worst_reply_beside_a_busy_receiver_is_far_inside_the_window() {
     on_each_board(|board| {
         let without = [(BOTH[0], "no receiver")];
-        let with = BOTH
-            .into_iter()
+        let with = receivers(board)
             .flat_map(|which| ["usual pace", "line full", ALL_FULL].map(|load| (which, load)));
         for ((protocol, image), load) in without.into_iter().chain(with) {
             let receiver = Receiver::new(protocol);
@@ -297,8 +296,7 @@ fn the_worst_reply_beside_a_busy_receiver_is_far_inside_the_window() {
                 run = run.radio(receiver);
             }
             if [ALL_FULL, "line full"].contains(&load) {
-                let radio = board.radio;
-                run = run.at(SECOND, move |bench| bench.babble(radio, Some(&frame)));
+                run = run.at(SECOND, move |bench| bench.babble(image.radio(board), Some(&frame)));
             }
             let mut until = 8 * SECOND;
             if load == ALL_FULL {
@@ -322,9 +320,10 @@ fn the_worst_reply_beside_a_busy_receiver_is_far_inside_the_window() {
             let worst = all.iter().filter(|each| each.frame_end > SECOND).max_by_key(|each| each.ns);
             let worst = worst.expect("a reply");
             println!(
-                "| {} | {} | {protocol:?}, {load} | {:.1} % | {} | {} | {} |",
+                "| {} | {} | {protocol:?} on {}, {load} | {:.1} % | {} | {} | {} |",
                 board.name,
                 report.instructions_per_second / 1_000_000,
+                image.radio(board),
                 report.load(),
                 all.len(),
                 worst.ns,
