@@ -453,8 +453,12 @@ fn unsent_starts(h: &History) -> Vec<u64> {
     let slot = h.rules.period + 50 * MS;
     let silent = h.mute.union(&h.deaf).union(&h.noise).union(&h.unpowered);
     let undetected = |at: u64| {
-        let last = silent.last_before(at + slot);
-        last.is_some_and(|(from, to)| at < to && at < from + gap(h))
+        let within = |spans: &Spans, detected: u64| {
+            let last = spans.last_before(at + slot);
+            last.is_some_and(|(from, to)| at < to && at < from + detected)
+        };
+        // Damaged frames count as frames for 3 s.
+        within(&silent, gap(h)) || within(&h.noise, 3 * SECOND + gap(h))
     };
     let ended = |at: u64, source: usize| {
         h.commanded(at, at + slot).iter().any(|end| match end.command {

@@ -100,6 +100,9 @@ fn a_start_of_which_no_frame_was_sent_delays_other_engines() {
     // A gap ends it that began a moment before.
     let cut = |from: f64| move |h: &mut History| h.mute = Spans::from(&[(micros(from), 20 * SECOND)]);
     assert!(delays(21.0, &cut(11.9)) && !delays(21.0, &cut(10.0)));
+    // 830001263: so does damage, which counts as frames for 3 s.
+    let damage = |from: f64| move |h: &mut History| h.noise = Spans::from(&[(micros(from), 20 * SECOND)]);
+    assert!(delays(21.0, &damage(10.0)) && !delays(21.0, &damage(8.0)));
     // Refused.
     assert!(!delays(21.0, &|_: &mut History| {}));
 }
