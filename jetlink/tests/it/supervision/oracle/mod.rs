@@ -536,6 +536,8 @@ impl Oracle {
                 if at >= since + takeover.within.as_micros() {
                     self.tally.takeovers += 1;
                     let certain = self.in_force.replace(origin).is_some() && !self.maybe_close;
+                    // No frame has shown it yet: the next source may be close to it.
+                    self.control_demand = Some(demand);
                     self.stream = source.since;
                     self.lost = false;
                     self.waiting = None;
