@@ -241,6 +241,8 @@ fn a_socket_receives_only_while_its_inverter_fits_the_line() {
     on_boards(
         |board| board.socket.is_some(),
         |board| {
+            // A frame that begins right after a change is on its way when the run gets to it.
+            const SETTLES: Nanos = 10 * MILLIS;
             let socket = board.socket.expect("a socket");
             let received = |report: &Report, from: Nanos, to: Nanos| {
                 let bytes = report.wire(socket.port.name).rx.iter();
@@ -262,7 +264,7 @@ fn a_socket_receives_only_while_its_inverter_fits_the_line() {
                         .until(4 * SECOND)
                         .go();
                     let [before, meanwhile, after] = [(0, 2), (2, 3), (3, 4)]
-                        .map(|(from, to)| received(&report, from * SECOND, to * SECOND) > 0);
+                        .map(|(from, to)| received(&report, from * SECOND + SETTLES, to * SECOND) > 0);
                     let text = format!("{}, {protocol:?}, wrong: {wrong}", board.name);
                     assert_eq!([before, meanwhile, after], [!wrong, wrong, !wrong], "{text}");
                 }
