@@ -50,18 +50,22 @@ use defmt::Display2Format as Text;
 /// Number of engines of this node.
 const N: usize = ENGINES.len();
 
+/// Whether the receiver of radio control is on the board's socket for one, which is the port after those of ECUs.
+const ON_SOCKET: bool = match &RADIO {
+    Some(radio) => SOCKET.is_some() && radio.protocol.line().is_some() && radio.port as usize == PORTS.len(),
+    None => false,
+};
+
 /// The port of the receiver of radio control, and how it is opened. One on a port that the board lacks does not build.
-/// The board's socket for a receiver is the one behind the ECU ports.
 const RADIO_PORT: Option<(usize, Format)> = match &RADIO {
     Some(radio) => match radio.protocol.line() {
         Some(line) => {
-            let on_socket = SOCKET.is_some() && radio.port as usize == PORTS.len();
             assert!(
-                on_socket || (radio.port as usize) < FOR_USE,
+                ON_SOCKET || (radio.port as usize) < FOR_USE,
                 "this board has no such port for the receiver of radio control"
             );
             assert!(
-                on_socket || !radio.inverted || board::INVERTS_RX,
+                ON_SOCKET || !radio.inverted || board::INVERTS_RX,
                 "the receiver's line is inverted, and this chip's UARTs cannot invert it back: docs/rc.md has the ports that can"
             );
             Some((radio.port as usize, Format::of_radio(line, radio.inverted)))
@@ -133,11 +137,13 @@ fn main() -> ! {
         {
             spawner.spawn(defmt::unwrap!(reception(radio)));
             match RADIO_PORT {
-                Some((port, format)) if port < PORTS.len() => {
+                Some((_, format)) if ON_SOCKET => {
+                    spawner.spawn(defmt::unwrap!(radio_socket(radio, format)));
+                }
+                Some((port, format)) => {
                     let port = defmt::unwrap!(board::open(port, format));
                     spawner.spawn(defmt::unwrap!(radio_control(radio, port)));
                 }
-                Some((_, format)) => spawner.spawn(defmt::unwrap!(radio_socket(radio, format))),
                 None => spawner.spawn(defmt::unwrap!(radio_pulses(radio))),
             }
         }
@@ -234,10 +240,8 @@ fn log_ports(engines: &[EngineConfig; N], telemetry: Line) {
             None => defmt::info!("port {=usize}, {=str}: free", port, name),
         }
     }
-    if let (Some(name), Some((port, _))) = (SOCKET, RADIO_PORT)
-        && port == PORTS.len()
-    {
-        defmt::info!("port {=usize}, {=str}: radio control", port, name);
+    if let Some(name) = SOCKET.filter(|_| ON_SOCKET) {
+        defmt::info!("port {=usize}, {=str}: radio control", PORTS.len(), name);
     }
     defmt::info!("MAVLink: {=str}, {}", board::TELEMETRY_PORT, telemetry);
     for (engine, config) in ENGINES.iter().zip(OUTPUTS.iter().flatten()) {

@@ -8,9 +8,6 @@ use jetlink::command::{Command, Demand, Order, Origin};
 use jetlink::engine::state::EngineState;
 use jetlink::units::Throttle;
 
-const ACCEPTED: Option<u8> = Some(0);
-const NOT_NOW: Option<u8> = Some(1);
-const DENIED: Option<u8> = Some(2);
 const UNSUPPORTED: Option<u8> = Some(3);
 const USER: u16 = CMD_USER_1;
 

@@ -22,7 +22,6 @@ use jetlink::command::Order;
 use jetlink::engine::state::EngineState;
 use std::string::String;
 
-const ACCEPTED: Option<u8> = Some(Ack::Accepted as u8);
 const MINUTE: Duration = Duration::from_secs(60);
 
 fn key(byte: u8) -> Option<Key> {

@@ -32,9 +32,6 @@ use jetlink::event::LossStage;
 use std::cell::Cell;
 use std::vec::Vec;
 
-const ACCEPTED: Option<u8> = Some(Ack::Accepted as u8);
-const NOT_NOW: Option<u8> = Some(Ack::TemporarilyRejected as u8);
-const DENIED: Option<u8> = Some(Ack::Denied as u8);
 const CONFIRM: &[f32] = &[30.0, 21196.0];
 const EMERGENCY_STOP: &[f32] = &[1.0, 21196.0];
 const RELEASE: &[f32] = &[2.0, 21196.0];

@@ -7,9 +7,6 @@ use crate::ids::*;
 use jetlink::command::{Command, Order, Origin};
 use jetlink::engine::state::EngineState;
 
-const ACCEPTED: Option<u8> = Some(0);
-const NOT_NOW: Option<u8> = Some(1);
-
 /// A `COMMAND_INT` has the coordinate frame in place of the confirmation: whatever it is, the start is not a repeat.
 #[test]
 fn a_start_as_command_int_is_not_a_repeat() {

@@ -40,6 +40,10 @@ pub const ENGINE: [u8; 2] = [26, 27];
 pub const TO_AUTOPILOT: usize = 0;
 pub const TO_GROUND: usize = 1;
 pub const IDLE_US: u16 = 1100;
+/// Results of a command (MAV_RESULT).
+pub const ACCEPTED: Option<u8> = Some(0);
+pub const NOT_NOW: Option<u8> = Some(1);
+pub const DENIED: Option<u8> = Some(2);
 /// Time stamp of the autopilot and the ground station at the start of the scenario.
 pub const SENDERS_STAMP: u64 = 90_000_000_000_000;
 

@@ -247,9 +247,7 @@ fn positions_found_after_a_gap_shut_nothing_down_but_stop_does() {
 #[test]
 fn standby_counts_once_it_has_been_held_for_60_ms() {
     each(async |world| {
-        world.start().await;
-        world.radio.stick.set(1500);
-        world.until("half throttle", 5, || world.ordered() == Some(500)).await;
+        world.start_to_half().await;
         // The median of three adds a frame at the beginning, and one at the end.
         world.radio.switch.set(STANDBY);
         world.pass_s(0.05).await;
@@ -286,9 +284,7 @@ fn standby_found_after_a_gap_releases_and_arms_nothing() {
 #[test]
 fn stop_is_latched_closes_the_valve_and_is_released_by_the_move_to_standby() {
     each(async |world| {
-        world.start().await;
-        world.radio.stick.set(1500);
-        world.until("half throttle", 5, || world.ordered() == Some(500)).await;
+        world.start_to_half().await;
         world.radio.switch.set(STOP);
         let stop = Instant::now();
         world.until("stop", 1, || world.telemetry().stop_latched).await;
@@ -411,9 +407,7 @@ fn lives(
 #[test]
 fn engine_resumes_after_a_reset_in_flight_and_the_valve_stays_open() {
     let flies = async |world: &World<'_>| {
-        world.start().await;
-        world.radio.stick.set(1500);
-        world.until("half throttle", 5, || world.ordered() == Some(500)).await;
+        world.start_to_half().await;
         world.pass_s(5.0).await;
     };
     let resumes = async |world: &World<'_>| {

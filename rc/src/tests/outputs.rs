@@ -44,6 +44,16 @@ fn snapshot(order: Order, phase: Option<Phase>, rpm: Option<u32>) -> Telemetry {
     telemetry
 }
 
+/// Radio control orders standby, and the ECU reports these values now: the exhaust in °C.
+fn in_standby(at: Instant, phase: Phase, rpm: Option<u32>, egt: Option<i16>) -> Telemetry {
+    let mut telemetry = snapshot(Order::Standby, Some(phase), None);
+    telemetry.at = at;
+    telemetry.report.phase = Some(Timed::new(phase, at));
+    telemetry.report.rpm = rpm.map(|rpm| Timed::new(Rpm::new(rpm), at));
+    telemetry.report.egt = egt.map(|egt| Timed::new(Celsius::from_tenths(egt * 10), at));
+    telemetry
+}
+
 fn before(record: Option<RetainedState>, has_failed: bool) -> Before {
     Before { record, has_failed, ..Before::default() }
 }
@@ -257,12 +267,8 @@ fn an_engine_that_does_not_slow_down_in_standby_loses_its_fuel_and_one_that_does
         outputs.settings = settings;
         (0..1200_u64).map(|tenth| tenth * 100).find(|&ms| {
             let at = T0 + Duration::from_millis(ms);
-            let mut telemetry = snapshot(Order::Standby, Some(Phase::Running), None);
-            telemetry.at = at;
+            let mut telemetry = in_standby(at, Phase::Running, rpm(ms), egt(ms));
             telemetry.ordered.origin = origin;
-            telemetry.report.phase = Some(Timed::new(Phase::Running, at));
-            telemetry.report.rpm = rpm(ms).map(|rpm| Timed::new(Rpm::new(rpm), at));
-            telemetry.report.egt = egt(ms).map(|egt| Timed::new(Celsius::from_tenths(egt * 10), at));
             outputs.update(&telemetry).into_iter().flatten().any(|change| {
                 assert_eq!(change, Change::Valve(Valve::Closed, Why::KeepsRunning));
                 true
@@ -305,12 +311,7 @@ fn a_valve_that_closes_while_the_ecu_cools_the_engine_is_not_an_alarm() {
         let mut outputs = outputs(Valve::Open);
         let closed = (0..90_u64).find_map(|tenth| {
             let at = T0 + Duration::from_millis(tenth * 100);
-            let mut telemetry = snapshot(Order::Standby, Some(Phase::Cooling), None);
-            telemetry.at = at;
-            telemetry.ordered.origin = Origin::Rc;
-            telemetry.report.phase = Some(Timed::new(Phase::Cooling, at));
-            telemetry.report.rpm = Some(Timed::new(Rpm::new(4000), at));
-            telemetry.report.egt = Some(Timed::new(Celsius::from_tenths(celsius * 10), at));
+            let telemetry = in_standby(at, Phase::Cooling, Some(4000), Some(celsius));
             outputs.update(&telemetry)[0].map(|change| (tenth * 100, change))
         });
         assert_eq!(closed, Some((8000, Change::Valve(Valve::Closed, why))), "{celsius} °C");

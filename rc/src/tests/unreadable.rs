@@ -19,9 +19,7 @@ fn implausible_values_are_silence() {
             (1500, 1650, Ignored::BetweenPositions),
         ] {
             run(kind, async |world| {
-                world.start().await;
-                world.radio.stick.set(1500);
-                world.until("half throttle", 5, || world.ordered() == Some(500)).await;
+                world.start_to_half().await;
                 world.radio.stick.set(stick);
                 world.radio.switch.set(switch);
                 world.until("the first stage", 2, || world.telemetry().loss == LossStage::Hold).await;
@@ -43,9 +41,7 @@ fn stop_counts_beside_a_channel_that_cannot_be_read() {
     for kind in Kind::ALL {
         for stick in [900, 2100] {
             run(kind, async |world| {
-                world.start().await;
-                world.radio.stick.set(1500);
-                world.until("half throttle", 5, || world.ordered() == Some(500)).await;
+                world.start_to_half().await;
                 world.radio.stick.set(stick);
                 // But not an intermittent one.
                 world.radio.switch.set(STOP);
@@ -67,9 +63,7 @@ fn stop_counts_beside_a_channel_that_can_be_read_now_and_then() {
     for kind in Kind::ALL {
         for (switch, stops) in [(STOP, true), (STANDBY, false)] {
             run(kind, async |world| {
-                world.start().await;
-                world.radio.stick.set(1500);
-                world.until("half throttle", 5, || world.ordered() == Some(500)).await;
+                world.start_to_half().await;
                 for readable in [false, true].repeat(4) {
                     world.radio.switch.set(switch);
                     world.radio.stick.set(if readable { 1500 } else { 900 });
@@ -88,9 +82,7 @@ fn stop_counts_in_bursts_of_frames() {
     for kind in Kind::ALL {
         for (others, stops) in [(STOP, true), (RUN, false)] {
             run(kind, async |world| {
-                world.start().await;
-                world.radio.stick.set(1500);
-                world.until("half throttle", 5, || world.ordered() == Some(500)).await;
+                world.start_to_half().await;
                 for switch in [STOP, others].repeat(8) {
                     world.radio.on.set(false);
                     Timer::after_millis(400).await;
@@ -234,9 +226,7 @@ fn a_stop_counts_beside_another_receiver_that_was_there_before() {
 fn a_wire_of_pulses_that_breaks_is_silence() {
     for wire in [1, 2, 3] {
         run(Kind::Pwm, async |world| {
-            world.start().await;
-            world.radio.stick.set(1500);
-            world.until("half throttle", 5, || world.ordered() == Some(500)).await;
+            world.start_to_half().await;
             world.radio.cut.set(wire);
             world.until("fail-safe throttle", 10, || world.ordered() == Some(0)).await;
             assert_eq!(world.telemetry().loss, LossStage::FailSafe);

@@ -184,6 +184,13 @@ impl World<'_> {
         self.pass_s(5.0).await;
     }
 
+    /// The same, and then half throttle.
+    pub async fn start_to_half(&self) {
+        self.start().await;
+        self.radio.stick.set(1500);
+        self.until("half throttle", 5, || self.ordered() == Some(500)).await;
+    }
+
     /// Waits until the throttle is ordered, and looks that it never rises faster than 50 % a second.
     pub async fn rises_to(&self, tenths: u16) {
         let mut before = self.ordered().unwrap();

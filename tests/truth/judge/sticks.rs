@@ -2,7 +2,7 @@
 //! show.
 
 use super::case::{Case, Rule};
-use super::receiver::{Shown, Sight, read};
+use super::receiver::{HeldStop, Shown, Sight, read};
 use crate::history::{Demanded, MS, PilotCommand, Position, SECOND, Switch};
 
 const RC: usize = 1;
@@ -83,19 +83,19 @@ impl Case<'_> {
         command: PilotCommand,
         last: &Last,
     ) -> Result<(), &'static str> {
+        // A stop that is held counts, whatever else the frame shows.
+        let held_stop = |held: Option<HeldStop>, otherwise| {
+            let held = held.is_some_and(|held| held.counts(-(FRAMES as i64)));
+            let stop = matches!(command, PilotCommand::Stop | PilotCommand::Disarm);
+            if held && stop { Ok(()) } else { Err(otherwise) }
+        };
         let sight = match shown {
             None => return Err("the values of this frame do not count"),
-            Some(Shown::Unreadable(held)) => {
-                let held = held.is_some_and(|held| held.counts(-(FRAMES as i64)));
-                let stop = matches!(command, PilotCommand::Stop | PilotCommand::Disarm);
-                return if held && stop { Ok(()) } else { Err("a channel cannot be read") };
-            }
+            Some(Shown::Unreadable(held)) => return held_stop(*held, "a channel cannot be read"),
             Some(Shown::Sight(sight)) => sight,
         };
         if !sight.counts {
-            let held = sight.stop.is_some_and(|held| held.counts(-(FRAMES as i64)));
-            let stop = matches!(command, PilotCommand::Stop | PilotCommand::Disarm);
-            return if held && stop { Ok(()) } else { Err("the switch has not been there for long enough") };
+            return held_stop(sight.stop, "the switch has not been there for long enough");
         }
         let released = || {
             let moved = sight.moved.is_some_and(|moved| moved.from == Position::Stop);
@@ -180,16 +180,16 @@ impl Case<'_> {
     /// What this frame had to command, and did not.
     fn must(&self, at: u64, shown: &Shown, given: &[PilotCommand], last: &Last) -> Option<String> {
         let has = |wanted: PilotCommand| given.contains(&wanted);
+        let held_stop = |held: Option<HeldStop>, text: &str| {
+            let held = held.is_some_and(|held| held.counts(FRAMES as i64));
+            (held && !has(PilotCommand::Stop)).then(|| text.into())
+        };
         let sight = match shown {
             Shown::Unreadable(held) => {
-                let held = held.is_some_and(|held| held.counts(FRAMES as i64));
-                return (held && !has(PilotCommand::Stop))
-                    .then(|| "the switch is at stop beside a channel that cannot be read".into());
+                return held_stop(*held, "the switch is at stop beside a channel that cannot be read");
             }
             Shown::Sight(sight) if !sight.counts => {
-                let held = sight.stop.is_some_and(|held| held.counts(FRAMES as i64));
-                return (held && !has(PilotCommand::Stop))
-                    .then(|| "the switch has been at stop for long enough".into());
+                return held_stop(sight.stop, "the switch has been at stop for long enough");
             }
             Shown::Sight(sight) => sight,
         };

@@ -2,6 +2,7 @@
 //! engine.
 
 use super::case::{Case, Rule, seconds};
+use super::starts::Start;
 use crate::history::{Cause, MS, Mark, PilotCommand, Pin, SECOND, Switch};
 
 /// Time from the reason until it is closed: the node checks its engine at each event of the world, 50 ms apart or less.
@@ -207,12 +208,17 @@ impl Case<'_> {
             let since = at.saturating_sub(SECOND);
             let frames = h.frames_within(since, *at);
             let run = frames.iter().rev().find_map(|frame| frame.sent.switch()) == Some(Switch::Run);
-            let failed = h.resets.iter().map(|reset| reset.up).filter(|up| up <= at);
-            let failed = failed.filter(|up| self.failed_before(*up, COUNTS_MORE) >= MAY_CLOSE).max();
-            let is_cut = failed.is_some_and(|up| !starts.iter().any(|start| (up..=*at).contains(&start.at)));
-            if *mark == Mark::Ignition && run && !is_cut && closed.within(since, at + LATE) == SECOND + LATE {
+            let is_closed = run && closed.within(since, at + LATE) == SECOND + LATE;
+            if *mark == Mark::Ignition && is_closed && !self.is_cut(*at, &starts) {
                 self.verdict.finding(Rule::ShutValve, *at, "a start, and the valve is closed");
             }
         }
+    }
+
+    /// Whether the firmware has failed in repeated starts, and nobody has started the engine since.
+    fn is_cut(&self, at: u64, starts: &[Start]) -> bool {
+        let begins = self.h.resets.iter().map(|reset| reset.up).filter(|up| *up <= at);
+        let failed = begins.filter(|up| self.failed_before(*up, COUNTS_MORE) >= MAY_CLOSE).max();
+        failed.is_some_and(|up| !starts.iter().any(|start| (up..=at).contains(&start.at)))
     }
 }
