@@ -176,8 +176,8 @@ impl Engine {
     /// source has been lost for as long as it takes to end its run.
     fn run_of_a_higher_one(&self, now: Instant, origin: Origin) -> bool {
         let Mode::Listen(finding) = &self.mode else { return false };
-        // Without a known source any but the highest may be the lower one.
-        let unknown = finding.ran && finding.active_source == Origin::Node;
+        // Without a known source any but the highest may be the lower one, unless the record has a start: any source may end it.
+        let unknown = finding.active_source == Origin::Node && (finding.ran || finding.started.is_none());
         let active_source = if unknown { Origin::SOURCES[0] } else { finding.active_source };
         if active_source.priority() <= origin.priority() {
             return false;

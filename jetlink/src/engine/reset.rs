@@ -93,9 +93,8 @@ impl Engine {
                 let silent = retained.silent + RESET_TAKES;
                 let all_silent = retained.all_silent + RESET_TAKES;
                 let low = self.resets >= RESETS_TO_FAIL_SAFE;
-                let lost = low || retained.loss >= LossStage::FailSafe;
-                // After consecutive resets without a command, the source gets no further timeout.
-                let counts_as_silent = if low { Duration::MAX } else { silent };
+                let lost = retained.loss >= LossStage::FailSafe
+                    || low && silent >= self.config.timeouts.of(retained.origin);
                 // A ramp that only moves between resets might never end. An rpm is at idle in the fail-safe stage.
                 let demand = match demand {
                     Demand::Throttle(throttle) if low => {
@@ -103,8 +102,7 @@ impl Engine {
                     }
                     demand => demand,
                 };
-                let restored =
-                    Restored { demand, was_lost: lost, silent: counts_as_silent, steady: retained.steady };
+                let restored = Restored { demand, was_lost: lost, silent, steady: retained.steady };
                 self.sources.resume(now, retained.origin, restored);
                 let unconfirmed = retained.unconfirmed + RESET_TAKES;
                 let resets = self.resets;

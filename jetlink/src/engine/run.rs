@@ -113,7 +113,9 @@ impl Run {
         events: &mut Deque<Event, 4>,
     ) -> Option<Origin> {
         let Arbitration { sources, config, .. } = by;
-        match sources.active(now) {
+        // After consecutive resets without a command, a source holds its demand only once it is received.
+        let holds = |(origin, _): &(Origin, Intent)| !self.resumed_low || sources.has_commanded(*origin);
+        match sources.active(now).filter(holds) {
             // Standby of the source in control, or of a higher one, is obeyed at once.
             Some((origin, Intent::Standby)) if origin.priority() >= self.whose().priority() => Some(origin),
             Some((origin, Intent::Run(demand))) => {

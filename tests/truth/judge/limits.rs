@@ -280,11 +280,13 @@ impl Case<'_> {
             if matches!(demanded, Demanded::Throttle(_)) && lately.iter().any(rpm) {
                 continue;
             }
-            // A demand that is lost is the last of one of them.
-            let silent = !lately.iter().any(|commanded| commanded.command.is_received());
+            // A demand that is lost is the last of one of them, until a source that returns is in control.
+            let back = at.saturating_sub(rules.recover_after + rules.takeover + SECOND);
+            let before = h.commanded(at.saturating_sub(held), back);
+            let silent = !before.iter().any(|commanded| commanded.command.is_received());
             let lost = (0..rules.ages.len())
                 .filter(|_| silent)
-                .filter_map(|source| h.last_command(source, at, |command| share(command).is_some()));
+                .filter_map(|source| h.last_command(source, back, |command| share(command).is_some()));
             let wanted = lately.iter().copied().chain(lost).filter_map(|commanded| share(commanded.command));
             let wanted = wanted.chain(self.held_over_a_reset(at, kind));
             // One that was changed falls, or rises, at its rate.

@@ -45,8 +45,9 @@ impl Case<'_> {
             let (at, due) = (ctf.at, ctf.at + within);
             let long = h.rules.recover_after + h.rules.takeover + 2 * SECOND;
             let since = at.saturating_sub(long);
-            // It commanded run until now, and no other source commanded anything.
-            let alone = h.commanded(since, due).iter().all(|other| {
+            // It commanded run until now, and no other source commands anything, or did so recently enough to be in control still.
+            let age = h.rules.ages.into_iter().max().unwrap_or_default();
+            let alone = h.commanded(since.saturating_sub(age), due).iter().all(|other| {
                 let runs =
                     matches!(other.command, PilotCommand::Run(_) | PilotCommand::Arm | PilotCommand::Ctf);
                 other.source == ctf.source && runs

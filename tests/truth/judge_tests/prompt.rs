@@ -23,6 +23,15 @@ fn ctf_is_on_the_wire_at_once() {
     // With another source in control, or in noise, it need not be.
     story(HALF).with(|h| h.noise = Spans::from(&[(41 * SECOND, 42_100 * MS)])).passes();
     assert!(!story(HALF).streams(0, 38.0, 45.0, run(500)).finds(Rule::Obeyed));
+    // Nor while another one may still be in control (833000047).
+    let another = |age: u64| {
+        let soon = |h: &mut History| {
+            (h.rules.recover_after, h.rules.takeover, h.rules.ages[0]) = (500 * MS, 0, age);
+        };
+        story(HALF).with(soon).streams(0, 30.0, 38.4, run(500))
+    };
+    assert!(!another(3 * SECOND).finds(Rule::Obeyed));
+    assert!(another(500 * MS).finds(Rule::Obeyed));
 }
 
 #[test]

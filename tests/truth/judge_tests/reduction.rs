@@ -57,6 +57,10 @@ fn a_demand_is_reduced_while_another_engine_has_failed() {
     };
     lost(250).passes();
     lost(400).breaks(&[Rule::Reduction]);
+    // Until the source that returns is in control (832000166).
+    let returns = |at| lost(250).streams(PILOT, at, 60.0, PilotCommand::Run(Demanded::Throttle(200)));
+    returns(59.4).passes();
+    returns(54.0).breaks(&[Rule::Reduction]);
 }
 
 /// The order was given up meanwhile (AMT's serial delay): the first reply has the throttle that the ECU has.

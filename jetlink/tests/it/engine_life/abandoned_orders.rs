@@ -104,6 +104,42 @@ fn an_engine_that_is_seen_running_without_a_record_is_not_shut_down_at_once() {
     }
 }
 
+/// Without a record, an ECU that is not received may have a running engine. Whoever commands standby meanwhile may not be the one whose run it
+/// is: only the emergency input, which no source is above, and `ShutDown` count at once.
+#[test]
+fn standby_before_the_first_report_without_a_record_is_that_of_a_lower_source() {
+    for ecu in BOTH {
+        let standby_from = |origin, seconds: u64| {
+            let mut scenario = Scenario::nothing_received(ecu, ecu.config());
+            scenario.fly_us(Command::Standby, origin, seconds * SECOND);
+            scenario
+        };
+        let mut scenario = standby_from(Origin::Rc, 2);
+        assert_eq!(scenario.order(), Order::Listen, "{ecu:?}");
+        scenario.values.half_percents = 160;
+        scenario.reports = Some(Reports::Running);
+        scenario.introduce();
+        // A ZK engine that reports no throttle is looked at for 3 s.
+        scenario.fly_us(Command::Standby, Origin::Rc, 3_200_000);
+        assert!(matches!(scenario.order(), Order::Run(_)), "{ecu:?}: {:?}", scenario.order());
+        // Also after another reset before the first report.
+        let record = standby_from(Origin::Rc, 2).bench.machine.record();
+        let mut scenario = Scenario::after_reset(ecu, ecu.config(), Some(record));
+        scenario.fly_us(Command::Standby, Origin::Rc, 3 * SECOND);
+        assert_eq!(scenario.order(), Order::Listen, "{ecu:?}");
+        scenario.command_from(Command::ShutDown, Origin::Mavlink).ok();
+        assert_eq!(scenario.order(), Order::Standby, "{ecu:?}");
+        // Of a source that none is above, at once; of another one after the hold and 5 s; a report at rest ends the wait.
+        assert_eq!(standby_from(Origin::Emergency, 2).order(), Order::Standby, "{ecu:?}");
+        assert_eq!(standby_from(Origin::Rc, 7).order(), Order::Standby, "{ecu:?}");
+        let mut scenario = standby_from(Origin::Rc, 2);
+        scenario.reports = Some(Reports::Standby);
+        scenario.introduce();
+        scenario.fly_us(Command::Standby, Origin::Rc, SECOND);
+        assert_eq!(scenario.order(), Order::Standby, "{ecu:?}");
+    }
+}
+
 /// A source that commands an rpm returns in a loop of resets that are too close together for the ECU's version. After the loop the demand
 /// rises from the fail-safe: the rpm was not sent since.
 #[test]

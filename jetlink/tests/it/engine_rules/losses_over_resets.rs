@@ -260,6 +260,39 @@ fn resets_count_only_without_the_source_in_control() {
     assert!(record.resets >= 3 || record.loss >= jetlink::event::LossStage::FailSafe, "{record:?}");
 }
 
+/// Three resets between two commands of a source that commands seldom bring the fail-safe stage. The source is not lost: its next command, within
+/// its timeout, is in force at once, and a healthy engine is not shut down. The control: after its timeout, its run has ended.
+#[test]
+fn resets_between_two_commands_of_a_source_are_no_loss() {
+    for (ecu, silent, lost) in BOTH.into_iter().flat_map(|ecu| [(ecu, 0, false), (ecu, 3 * SECOND, true)]) {
+        let config = ecu.with(|supervision| {
+            supervision.timeouts.rc = micros(3 * SECOND);
+            supervision.return_within = micros(0);
+            supervision.loss.hold = micros(10 * SECOND);
+            supervision.loss.standby_after = Some(micros(3 * SECOND));
+        });
+        let mut scenario = Scenario::started_with(ecu, config, percent(50));
+        scenario.values.half_percents = 100;
+        scenario.reports = Some(Reports::Running);
+        scenario.fly_us(run(50), Origin::Rc, 2 * SECOND).pass_us(silent);
+        for _ in 0..3 {
+            scenario = scenario.reset(config);
+            scenario.bench.frames();
+            scenario.pass_us(360_000);
+        }
+        scenario.reports = Some(Reports::Running);
+        scenario.pass_us(900_000);
+        assert_eq!(scenario.order() == Order::Standby, lost, "{ecu:?}: {}", scenario.order());
+        if lost {
+            continue;
+        }
+        assert_eq!(scenario.tenths(), 0, "{ecu:?}: the fail-safe throttle");
+        scenario.command(run(50)).ok();
+        scenario.pass_us(2 * SECOND);
+        assert_eq!((scenario.order(), scenario.tenths()), (Order::Run(percent(50)), 500), "{ecu:?}");
+    }
+}
+
 /// "Consecutive resets without a source": one that commanded since the last reset ends the count, also if its order was given up since
 /// and the engine was found again without it. The control: one that did not command.
 #[test]

@@ -479,8 +479,8 @@ impl Oracle {
         self.steady_before = stream.filter(|source| at < source.silent_from + down).map_or(0, |source| {
             // A source received since the last reset may continue from before it.
             let earlier = if source.since < self.booted + SECOND { self.steady_before } else { 0 };
-            // It counts as received up to the reset.
-            (at - down - source.since + earlier).min(STEADY_MAX)
+            // It counts as received up to the reset, rounded up to a step.
+            (at - down - source.since + earlier).next_multiple_of(STEADY_STEP).min(STEADY_MAX)
         });
         self.sources = [None; 4];
         if let Some((origin, source)) = resumed {

@@ -28,7 +28,8 @@ pub const DARK: u64 = 600_000;
 /// Time that silence carried over a reset may lack, besides the node's down time: one retained step, and the
 /// interval at which the node reads the time.
 const CARRIED: u64 = 300_000;
-/// The longest stream of a lost source that is retained.
+/// A stream of a lost source is retained in steps, rounded up, up to the longest.
+const STEADY_STEP: u64 = 200_000;
 const STEADY_MAX: u64 = 6_200_000;
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
