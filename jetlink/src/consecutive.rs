@@ -11,6 +11,8 @@ pub(crate) struct Consecutive(u8);
 impl Consecutive {
     /// No value yet.
     pub const NONE: Self = Self(0);
+    /// As many as have to agree.
+    pub const AGREE: Self = Self(AGREEING);
 
     /// Counts a value that agrees; any other resets the counter to 0.
     pub const fn count(&mut self, agrees: bool) {

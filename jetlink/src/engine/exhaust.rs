@@ -94,6 +94,16 @@ impl Exhaust {
         self.state
     }
 
+    /// Whether the sensor has failed, see [`RetainedState`](super::retained::RetainedState).
+    pub const fn is_distrusted(&self) -> bool {
+        self.distrusted
+    }
+
+    /// Distrusts the sensor, as before a reset.
+    pub const fn distrust(&mut self) {
+        *self = self.unread();
+    }
+
     /// Frames were missing: what burned before may have gone out since, and two values have to show that it burns.
     pub fn gap(&mut self) {
         self.above.reset();

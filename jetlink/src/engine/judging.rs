@@ -43,6 +43,12 @@ impl Engine {
                 }
             }
             Mode::Listen(finding) => {
+                // Without replies for that long, the ECU has stopped its engine.
+                finding.given_up |= self
+                    .link
+                    .reply_timeout()
+                    .and_then(|time| finding.since.checked_add(time))
+                    .is_some_and(|at| now >= at);
                 let found = finding.observe(observation, exhaust, answers);
                 self.found(now, found, observation);
             }

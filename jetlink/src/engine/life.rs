@@ -6,6 +6,7 @@
 //! `docs/failsafe.md` ("One life, one start").
 
 use super::exhaust::Burning;
+use super::retained::RetainedState;
 use crate::command::Origin;
 use crate::consecutive::{AGREEING, Consecutive};
 use crate::event::End;
@@ -70,6 +71,11 @@ impl Doubt {
             confirming: Consecutive::NONE,
             ending: Consecutive::NONE,
         }
+    }
+
+    /// A doubt after a reset of the node.
+    const fn after_reset(now: Instant) -> Self {
+        Self { cause: Cause::Reset, ..Self::new(now) }
     }
 
     /// Consecutive reports that agree have to begin again.
@@ -151,22 +157,27 @@ impl Life {
 
     /// A life found after a reset, by the exhaust alone: in doubt until two reports confirm it.
     pub const fn found_burning(now: Instant) -> Self {
-        let doubt = Doubt { cause: Cause::Reset, burned: true, ..Doubt::new(now) };
+        let doubt = Doubt { burned: true, ..Doubt::after_reset(now) };
         Self { doubt: Some(doubt), answers: false, ..Self::found_running() }
     }
 
     /// A life after a reset of the node with a hand-over to PWM in force: in doubt until two reports confirm it. `ran`: it reached
     /// running before.
     pub const fn handed_over(now: Instant, ran: bool) -> Self {
-        Self { ran, ..Self::resumed(now, Duration::from_ticks(0), false) }
+        Self { ran, doubt: Some(Doubt::after_reset(now)), answers: false, ..Self::found_running() }
     }
 
-    /// A life after a reset of the node with a run in force: in doubt until two reports confirm it. It had been in doubt for `before`,
-    /// perhaps because frames were missing.
-    pub const fn resumed(now: Instant, before: Duration, after_gap: bool) -> Self {
-        let cause = if after_gap { Cause::Gap } else { Cause::Reset };
-        let doubt = Doubt { before, cause, ..Doubt::new(now) };
-        Self { doubt: Some(doubt), answers: false, ..Self::found_running() }
+    /// A life after a reset of the node with a run in force: in doubt until two reports confirm it, with what the record has of an earlier doubt.
+    pub const fn resumed(now: Instant, record: &RetainedState) -> Self {
+        let mut doubt = Doubt { before: record.unconfirmed, ..Doubt::after_reset(now) };
+        if record.after_gap {
+            doubt.cause = Cause::Gap;
+        }
+        doubt.faults = record.after_faults;
+        if record.exhaust_ignored {
+            doubt.withheld = Consecutive::AGREE;
+        }
+        Self { doubt: Some(doubt), ..Self::handed_over(now, true) }
     }
 
     /// Whether the engine has reached running in this life.
@@ -192,6 +203,16 @@ impl Life {
     /// Whether three expected frames were missing, and nothing has confirmed the life since.
     pub fn missed_frames(&self) -> bool {
         self.doubt.is_some_and(|doubt| doubt.cause == Cause::Gap)
+    }
+
+    /// Whether error sets came since the last confirmation.
+    pub fn after_faults(&self) -> bool {
+        self.doubt.is_some_and(|doubt| doubt.faults)
+    }
+
+    /// Whether error sets get no reply, whatever the exhaust: the ECU has reported that its engine does not run.
+    pub fn ignores_exhaust(&self) -> bool {
+        self.doubt.is_some_and(|doubt| doubt.withheld.reached(AGREEING))
     }
 
     /// Whether there was a gap in reception or a reset, and nothing has confirmed the life since.
@@ -453,7 +474,7 @@ impl Life {
             // It adds nothing to the last set that had a state.
             Observation::Stateless => !doubt.after_gap() && !doubt.withheld.reached(1),
             // The ECU has reported that its engine does not run, and its exhaust may be hot yet.
-            Observation::Faulted { .. } if doubt.withheld.reached(AGREEING) => false,
+            Observation::Faulted { .. } if self.ignores_exhaust() => false,
             Observation::Faulted { .. } => match (doubt.cause, exhaust) {
                 (_, Burning::Yes) => true,
                 (_, Burning::No) => false,
@@ -485,7 +506,9 @@ pub(super) struct Finding {
     /// The engine ran before, according to the record, or runs, according to its ECU.
     pub ran: bool,
     /// The order was given up, because nothing confirmed it in time: what became of the engine since is not known.
-    given_up: bool,
+    pub given_up: bool,
+    /// Error sets came before it: only "running" shows that the engine runs.
+    pub after_faults: bool,
     /// Time since an unfinished start, according to the record.
     pub started: Option<Duration>,
     alive: Consecutive,
@@ -517,6 +540,7 @@ impl Finding {
             active_source: Origin::Node,
             ran,
             given_up: false,
+            after_faults: false,
             started: None,
             alive: Consecutive::NONE,
             ending: Consecutive::NONE,
@@ -529,6 +553,11 @@ impl Finding {
         Self { given_up: true, ..Self::new(now, true) }
             .silent_since(silent_since)
             .controlled_by(active_source)
+    }
+
+    /// Adds that error sets came before.
+    pub const fn after_faults(self, after_faults: bool) -> Self {
+        Self { after_faults, ..self }
     }
 
     /// Whether the engine flew until this search began.
@@ -574,7 +603,7 @@ impl Finding {
                     Stage::Rest | Stage::Clearance | Stage::Ignition | Stage::FuelRamp | Stage::Restart => {
                         false
                     }
-                    _ => answers && turning,
+                    _ => answers && turning && !self.after_faults,
                 };
                 let ends = match stage {
                     Stage::Rest | Stage::Ignition | Stage::FuelRamp | Stage::Restart => true,

@@ -74,8 +74,8 @@ impl Engine {
     /// it resumes as one that was found running. A start ends.
     pub(super) fn give_up_order(&mut self, now: Instant) {
         let Mode::Run(run) = &self.mode else { return };
-        let (reached, silent_since, active_source) =
-            (run.life.reached(), run.silent_since(&self.config), run.active_source);
+        let (reached, after_faults) = (run.life.reached(), run.life.after_faults());
+        let (silent_since, active_source) = (run.silent_since(&self.config), run.active_source);
         if !reached {
             self.life_over(now, End::GapInStart);
             return;
@@ -90,7 +90,7 @@ impl Engine {
         self.failed = true;
         // The stages of loss continue from where they were.
         let silent_since = silent_since.unwrap_or(now);
-        self.listen(now, Finding::given_up(now, silent_since, active_source));
+        self.listen(now, Finding::given_up(now, silent_since, active_source).after_faults(after_faults));
         self.event(Event::RunCancelled(End::Unconfirmed));
     }
 }

@@ -36,6 +36,9 @@ impl Engine {
         self.last_retained = Some(retained);
         self.retained = Some(retained);
         self.link.restore(retained.link);
+        if retained.egt_distrusted {
+            self.exhaust.distrust();
+        }
         let now = self.at;
         match retained.order {
             Order::EmergencyStop => {
@@ -74,7 +77,10 @@ impl Engine {
     /// The search for the engine of a record.
     fn search(now: Instant, retained: &RetainedState) -> Finding {
         let RetainedState { ran, silent, all_silent, origin, starting, .. } = *retained;
-        let finding = Finding::new(now, ran).carrying(all_silent + RESET_TAKES, silent + RESET_TAKES);
+        let mut finding = Finding::new(now, ran)
+            .carrying(all_silent + RESET_TAKES, silent + RESET_TAKES)
+            .after_faults(retained.after_faults);
+        finding.given_up = retained.exhaust_ignored;
         match retained.order {
             // A start that the reset interrupted: any source may end it.
             Order::Run(_) | Order::Listen if starting > 0 => {
@@ -155,6 +161,8 @@ impl Engine {
                 };
                 RetainedState {
                     ran: finding.ran,
+                    exhaust_ignored: finding.given_up,
+                    after_faults: finding.after_faults,
                     silent: RetainedState::silence(of(finding.lost_for), received),
                     all_silent: RetainedState::silence(of(finding.carried), received),
                     starting,
@@ -189,6 +197,8 @@ impl Engine {
                     starting,
                     unconfirmed,
                     after_gap: run.life.missed_frames(),
+                    exhaust_ignored: run.life.ignores_exhaust(),
+                    after_faults: run.life.after_faults(),
                     steady: STEADY.round_up(steady),
                     fall_expected: FALL_EXPECTED.round(run.lowered.fall_expected(self.at)),
                     // After a reset a source that waits to take over is in control: resets do not restart its wait.
@@ -202,6 +212,7 @@ impl Engine {
             resets,
             armed: self.armed,
             failed: self.failed,
+            egt_distrusted: self.exhaust.is_distrusted(),
             link: self.link.record(),
             pump_open: self.pump_may_be_open(),
             arm_commanded: self.arm_commanded.bits(),

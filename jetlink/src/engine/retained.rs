@@ -12,7 +12,7 @@ use crate::units::{Rpm, Throttle};
 use embassy_time::Duration;
 
 /// Layout number. Change it with the layout, so that the record of an older firmware is discarded.
-const LAYOUT: u32 = 0x4A4C_0008;
+const LAYOUT: u32 = 0x4A4C_0009;
 const WORDS: usize = 5;
 /// Position of the fingerprint.
 const FINGERPRINT: usize = 2;
@@ -34,9 +34,9 @@ pub(super) const FALL_EXPECTED: ShortTime = ShortTime { step: Duration::from_mil
 /// Time for which a source has been received, above the three bits of the source. Rounded up, so that a source with one command
 /// between two resets gets back in control.
 pub(super) const STEADY: ShortTime = ShortTime { step: Duration::from_millis(200), at: 11, max: 31 };
-/// Position of the stage of loss, four bits, and of the link's part above it.
+/// Position of the stage of loss, two bits, and of the link's part above it.
 const LOSS_AT: u32 = 24;
-const LOSS_MAX: u32 = 15;
+const LOSS_MAX: u32 = 3;
 const LINK_AT: u32 = 28;
 const _: () = assert!(LINK_AT + LinkRecord::BITS == u32::BITS);
 
@@ -88,6 +88,12 @@ pub struct RetainedState {
     pub unconfirmed: Duration,
     /// Three expected frames were missing in that time: the ECU may have restarted.
     pub after_gap: bool,
+    /// A hot exhaust beside error sets does not show that the engine runs: its order was given up, or its ECU has reported that it does not.
+    pub exhaust_ignored: bool,
+    /// Error sets came since the last confirmation: of all states only "running" shows that the engine runs.
+    pub after_faults: bool,
+    /// The thermocouple jumped, or gave what none can: a cold exhaust does not show that the engine has stopped.
+    pub egt_distrusted: bool,
     /// The source in control was lost: time for which it has been received without a gap since, in steps of 0.2 s, 6.2 s at most.
     pub steady: Duration,
     /// The demand was lowered: time for which a fall of the exhaust is expected yet, in steps of 0.5 s, rounded down.
@@ -117,6 +123,9 @@ impl RetainedState {
             starting: 0,
             unconfirmed: Duration::from_ticks(0),
             after_gap: false,
+            exhaust_ignored: false,
+            after_faults: false,
+            egt_distrusted: false,
             steady: Duration::from_ticks(0),
             fall_expected: Duration::from_ticks(0),
             arm_commanded: 0,
@@ -161,10 +170,14 @@ impl RetainedState {
             starting,
             arm_commanded,
             must_disarm,
+            exhaust_ignored,
+            after_faults,
             ..
         } = self;
         Self {
             ran,
+            exhaust_ignored,
+            after_faults,
             link,
             pump_open,
             silent,
@@ -290,8 +303,11 @@ fn pack(record: &RetainedState, fingerprint: u32) -> [u32; WORDS] {
         | u32::from(record.limited) << 17
         | u32::from(record.failed) << 18
         | u32::from(record.ran) << 19
+        | u32::from(record.exhaust_ignored) << 20
         | u32::from(record.pump_open) << 21
         | u32::from(record.after_gap) << 22
+        | u32::from(record.after_faults) << 23
+        | u32::from(record.egt_distrusted) << 26
         | FALL_EXPECTED.pack(record.fall_expected)
         | STEADY.pack(record.steady)
         | (record.loss as u32) << LOSS_AT
@@ -328,8 +344,7 @@ fn unpack([flags, value, _, silence, arming]: [u32; WORDS]) -> Option<RetainedSt
         0 => LossStage::None,
         1 => LossStage::Hold,
         2 => LossStage::FailSafe,
-        3 => LossStage::Standby,
-        _ => return None,
+        _ => LossStage::Standby,
     };
     let flag = |bit: u32| flags >> bit & 1 == 1;
     let (ran, time) = (flag(19), arming >> 16);
@@ -351,6 +366,9 @@ fn unpack([flags, value, _, silence, arming]: [u32; WORDS]) -> Option<RetainedSt
         starting: if ran { 0 } else { u16::try_from(time).ok()? },
         unconfirmed: SILENCE_STEP * if ran { time } else { 0 },
         after_gap: flag(22),
+        exhaust_ignored: flag(20),
+        after_faults: flag(23),
+        egt_distrusted: flag(26),
         steady: STEADY.unpack(flags),
         fall_expected: FALL_EXPECTED.unpack(flags),
     })
@@ -379,7 +397,7 @@ mod tests {
         for order in orders.into_iter().chain([Order::Run(Demand::Rpm(Rpm::new(123_450)))]) {
             for origin in Origin::ALL {
                 let stages = [LossStage::None, LossStage::Hold, LossStage::FailSafe, LossStage::Standby];
-                for (flags, loss) in (0..128).flat_map(|flags| stages.map(|loss| (flags, loss))) {
+                for (flags, loss) in (0..1024).flat_map(|flags: u32| stages.map(|loss| (flags, loss))) {
                     let flag = |bit: u32| flags >> bit & 1 == 1;
                     let record = RetainedState {
                         order,
@@ -388,17 +406,20 @@ mod tests {
                         limited: flag(1),
                         failed: flag(2),
                         ran: flag(3),
-                        link: LinkRecord::new(flags as u8 >> 2),
+                        link: LinkRecord::new(flags as u8 >> 2 & 15),
                         pump_open: flag(5),
                         loss,
                         silent: Duration::from_millis(20 * flags as u64),
-                        all_silent: Duration::from_secs(10_000 * flags as u64),
-                        resets: flags as u8 & 15,
-                        arm_commanded: flags as u8 & 31,
-                        must_disarm: flags as u8 >> 1,
-                        starting: if flag(3) { 0 } else { flags as u16 * 500 },
-                        unconfirmed: Duration::from_millis(if flag(3) { 20 * 500 * flags as u64 } else { 0 }),
+                        all_silent: Duration::from_secs(1_000 * flags as u64),
+                        resets: (flags & 15) as u8,
+                        arm_commanded: (flags & 31) as u8,
+                        must_disarm: (flags >> 1) as u8 & 31,
+                        starting: if flag(3) { 0 } else { flags as u16 * 50 },
+                        unconfirmed: Duration::from_millis(if flag(3) { 20 * 50 * flags as u64 } else { 0 }),
                         after_gap: flag(6),
+                        exhaust_ignored: flag(7),
+                        after_faults: flag(8),
+                        egt_distrusted: flag(9),
                         steady: Duration::from_millis(200 * (flags as u64 & 31)),
                         fall_expected: Duration::from_millis(500 * (flags as u64 & 15)),
                     };

@@ -439,6 +439,15 @@ impl Lowered {
         Self { from: demand, at: now, open_at: now, falls_until: now.checked_add(fall_expected) }
     }
 
+    /// The same, where it may not have gone out yet: until it does, the ECU may have any higher one.
+    pub fn unsent(now: Instant, demand: Demand, fall_expected: Duration) -> Self {
+        let highest = match demand {
+            Demand::Throttle(_) => Demand::Throttle(Throttle::FULL),
+            Demand::Rpm(_) => Demand::Rpm(Rpm::new(u32::MAX)),
+        };
+        Self::new(now, highest, fall_expected)
+    }
+
     /// When the demand was lowered, or was last known not to have reached the ECU.
     pub const fn open_at(&self) -> Instant {
         self.open_at

@@ -85,8 +85,14 @@ impl Sources {
         }
     }
 
-    /// Changes the settings. A timeout applies from the next command of its source on.
-    pub const fn configure(&mut self, config: &Supervision) {
+    /// Changes the settings. A timeout applies from the next command of its source on, and a longer time to get back in control does not take
+    /// control from a source that is.
+    pub fn configure(&mut self, config: &Supervision) {
+        for source in self.sources.iter_mut().flatten() {
+            if recovered(source, self.recover_after) {
+                source.steady_before = source.steady_before.max(config.recover_after);
+            }
+        }
         (self.timeouts, self.recover_after, self.return_within) =
             (config.timeouts, config.recover_after, config.return_within);
     }

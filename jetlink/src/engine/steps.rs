@@ -1,6 +1,7 @@
 //! The steps from one mode to the next. Only this file changes the mode; the decisions are made in the files that call it.
 
 use super::data::{Beginning, Engine, Mode, RESETS_TO_FAIL_SAFE};
+use super::exhaust::FALL_EXPECTED;
 use super::life::{Finding, Life};
 use super::origins::Origins;
 use super::retained::RetainedState;
@@ -52,7 +53,7 @@ impl Engine {
         let life = match beginning {
             Beginning::FromStandby => Life::ordered(),
             Beginning::Found { life, .. } => life,
-            Beginning::Reset(record) => Life::resumed(now, record.unconfirmed, record.after_gap),
+            Beginning::Reset(ref record) => Life::resumed(now, record),
         };
         let (limited, stage, (silent, all_silent), resumed_low) = match beginning {
             Beginning::Reset(record) => {
@@ -81,6 +82,8 @@ impl Engine {
         };
         let fall_expected = match beginning {
             Beginning::Reset(record) => record.fall_expected,
+            // Its demand is lower than the one that its ECU had.
+            Beginning::Found { lost_for, .. } if lost_for > self.config.loss.hold => FALL_EXPECTED,
             _ => Duration::from_ticks(0),
         };
         let started = match beginning {
@@ -114,7 +117,11 @@ impl Engine {
             resumed_low,
             limited,
             shaper: Shaper::new(now, demand),
-            lowered: Lowered::new(now, demand, fall_expected),
+            lowered: if fall_expected.as_ticks() == 0 || self.link.answers_frames() {
+                Lowered::new(now, demand, fall_expected)
+            } else {
+                Lowered::unsent(now, demand, fall_expected)
+            },
             next: None,
         });
         self.permitted = Origins::NONE;

@@ -56,16 +56,26 @@ fn a_flame_out_is_a_fall_of_speed_without_a_command() {
     }
 }
 
-/// A demand lowered in a gap reaches the ECU only afterwards: then it explains a falling shaft speed.
+/// A demand lowered in a gap reaches the ECU only afterwards: then it explains a falling shaft speed, also when the node was reset in the gap.
 #[test]
 fn zk_a_demand_that_was_lowered_in_a_gap_explains_a_fall_after_it() {
-    for (in_gap, limits) in [(20, &[][..]), (50, &[LimitKind::FlameOut])] {
+    let (commanded, limits) = ((20, &[][..]), (50, &[LimitKind::FlameOut][..]));
+    for ((in_gap, limits), reset) in [(commanded, false), (commanded, true), (limits, false), (limits, true)]
+    {
         let mut scenario = running(Ecu::Zk, |limits| limits.low_rpm = Limit::NONE);
         scenario.values.rpm = Some(20_000);
         scenario.fly_us(run(50), Origin::Rc, 10 * SECOND);
         scenario.silent().fly_us(run(50), Origin::Rc, SECOND);
+        scenario.fly_us(run(in_gap), Origin::Rc, SECOND);
+        if reset {
+            let config = Ecu::Zk.with(|s| s.limits.low_rpm = Limit::NONE);
+            let values = scenario.values;
+            scenario = Scenario::after_reset(Ecu::Zk, config, Some(scenario.bench.machine.record()));
+            scenario.values = values;
+        }
         scenario.fly_us(run(in_gap), Origin::Rc, 20 * SECOND);
         assert!(matches!(scenario.order(), Order::Doubt(_)), "{:?}", scenario.order());
+        scenario.introduce();
         scenario.reports(Reports::Running).fly_us(run(in_gap), Origin::Rc, SECOND / 2);
         assert!(matches!(scenario.order(), Order::Run(_)), "{:?}", scenario.order());
         scenario.bench.events();
@@ -75,7 +85,7 @@ fn zk_a_demand_that_was_lowered_in_a_gap_explains_a_fall_after_it() {
             scenario.pass_us(FRAME_PERIOD_US);
         }
         scenario.fly_us(run(in_gap), Origin::Rc, SECOND);
-        assert_eq!(scenario.limits(), limits, "{in_gap} % in the gap");
+        assert_eq!(scenario.limits(), limits, "{in_gap} % in the gap, reset: {reset}");
     }
 }
 

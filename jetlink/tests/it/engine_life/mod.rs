@@ -3,6 +3,7 @@
 
 mod abandoned_orders;
 mod error_sets;
+mod forgotten;
 mod lives;
 mod records;
 mod resets;

@@ -1,0 +1,178 @@
+//! What the engine may not forget over a reset, nor when an order is given up.
+
+use super::*;
+
+/// Flies, receives nothing for 10 s under a source that commands run, so that the order is given up, and is reset: not at all, warm, or by a
+/// loss of power that the RAM survives.
+fn given_up(reset: Option<Reset>) -> Scenario {
+    let mut scenario = flying(Ecu::Amt);
+    scenario.values.egt_celsius = 26;
+    scenario.silent().fly_us(run(50), Origin::Rc, 10 * SECOND);
+    assert_eq!(scenario.order(), Order::Listen);
+    let record = scenario.bench.machine.record();
+    let record = match reset {
+        None => return scenario,
+        Some(Reset::Warm) => record,
+        Some(_) => record.without_start(),
+    };
+    let mut scenario = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), Some(record));
+    scenario.silent();
+    scenario
+}
+
+const RESETS: [Option<Reset>; 3] = [None, Some(Reset::Warm), Some(Reset::PowerLost)];
+
+fn receive_faults(scenario: &mut Scenario, egt_celsius: i32) {
+    scenario.values = Values { fault: 0b110, half_percents: 100, egt_celsius, rpm: None };
+    let frame = scenario.ecu.frame(Reports::Running, scenario.values);
+    receive(scenario, &frame);
+}
+
+fn runs(scenario: &mut Scenario) -> usize {
+    scenario.sent().iter().filter(|wire| matches!(wire, Wire::Run(_))).count()
+}
+
+/// The ECU has stopped the engine of an order that was given up. A hot exhaust beside its error sets is no evidence, and the states that a start
+/// and a flight have in common are answered with the throttle of the set. The control: a running engine is found.
+#[test]
+fn an_order_that_was_given_up_stays_so_over_a_reset() {
+    for reset in RESETS {
+        for cools_per_s in [0, 10, 40] {
+            let mut scenario = given_up(reset);
+            for i in 0..200 {
+                receive_faults(&mut scenario, 600 - cools_per_s * i / 20);
+            }
+            assert_eq!(runs(&mut scenario), 0, "{reset:?} {cools_per_s} °C/s");
+        }
+        for state in [0b00100, 0b01000, 0b11111] {
+            let mut scenario = given_up(reset);
+            for _ in 0..100 {
+                let mut frame = report(Ecu::Amt, state, TURNING);
+                frame[4] = 20;
+                receive(&mut scenario, &frame);
+                let _ = scenario.command(run(90));
+            }
+            assert!(matches!(scenario.order(), Order::Doubt(_)), "{reset:?} {state:#b}");
+            assert!(scenario.sent().iter().all(|wire| *wire == Wire::Run(100)), "{reset:?} {state:#b}");
+        }
+        let mut scenario = given_up(reset);
+        for _ in 0..20 {
+            scenario.reports(Reports::Running);
+            let _ = scenario.command(run(90));
+        }
+        assert!(matches!(scenario.order(), Order::Run(_)), "{reset:?}: {}", scenario.order());
+    }
+}
+
+/// In a loop of resets, too; and an engine that flew before a loss of power has been stopped by its ECU once that got no reply for its serial
+/// delay. The control: before that, a hot exhaust shows that it runs.
+#[test]
+fn a_hot_exhaust_shows_nothing_after_the_serial_delay() {
+    let mut scenario = flying(Ecu::Amt);
+    scenario.silent();
+    for _ in 0..6 {
+        scenario.pass_us(900_000);
+        scenario = scenario.reset(Ecu::Amt.config());
+        scenario.silent();
+    }
+    (0..5).for_each(|_| receive_faults(&mut scenario, 600));
+    assert_eq!(runs(&mut scenario), 0);
+    for (silent, answered) in [(0, true), (3 * SECOND, true), (4 * SECOND, false)] {
+        let record = flying(Ecu::Amt).bench.machine.record().without_start();
+        let mut scenario = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), Some(record));
+        scenario.silent().pass_us(silent);
+        (0..5).for_each(|_| receive_faults(&mut scenario, 600));
+        assert_eq!(runs(&mut scenario) > 0, answered, "{silent} µs");
+    }
+}
+
+/// After error sets only a set that reports running is answered: also when the node was reset since, or the order was given up.
+#[test]
+fn after_faults_only_running_is_answered_over_a_reset_and_after_an_order_was_given_up() {
+    for reset in [false, true] {
+        for state in [0b00010, 0b00100, 0b01000, 0b11111] {
+            let mut scenario = with_faults(2 * SECOND, 1, run(50), |_| 500);
+            if reset {
+                scenario = scenario.reset(Ecu::Amt.config());
+            }
+            scenario.sent();
+            let until = scenario.now_us() + 10 * SECOND;
+            while scenario.now_us() < until {
+                let _ = scenario.command(run(50));
+                let mut frame = report(Ecu::Amt, state, TURNING);
+                frame[4] = 100;
+                receive(&mut scenario, &frame);
+            }
+            assert_eq!(runs(&mut scenario), 0, "{reset} {state:#b}");
+        }
+        let mut scenario = with_faults(2 * SECOND, 1, run(50), |_| 500);
+        if reset {
+            scenario = scenario.reset(Ecu::Amt.config());
+        }
+        scenario.sent();
+        scenario.values.fault = 0;
+        scenario.reports(Reports::Running).reports(Reports::Running);
+        assert!(runs(&mut scenario) > 0, "{reset}: the control");
+    }
+}
+
+/// After two reports of start clearance no error set is answered, over a reset either. The control: without them they are.
+#[test]
+fn error_sets_after_start_clearance_are_not_answered_over_a_reset() {
+    for (clearances, resets) in [(4, 0), (4, 1), (0, 0), (0, 1)] {
+        let mut scenario = with_faults(2 * SECOND, 1, run(50), |_| 500);
+        for _ in 0..clearances {
+            let _ = scenario.command(run(50));
+            receive(&mut scenario, &report(Ecu::Amt, 0b00001, TURNING));
+        }
+        for _ in 0..resets {
+            scenario = scenario.reset(Ecu::Amt.config());
+        }
+        scenario.sent();
+        for _ in 0..6 {
+            let _ = scenario.command(run(50));
+            receive_faults(&mut scenario, 500);
+        }
+        assert_eq!(runs(&mut scenario) > 0, clearances == 0, "{clearances} {resets}");
+    }
+}
+
+/// A thermocouple that fails at a plausible cold value, in one step, ends no run, over a reset either. The control: one that cools down does.
+#[test]
+fn a_thermocouple_that_failed_costs_no_engine_over_a_reset() {
+    for reset in [false, true] {
+        for (fails, order) in [(true, Order::Doubt(percent(50))), (false, Order::Standby)] {
+            let egt = |t: u64| match t {
+                t if t <= SECOND => 500,
+                _ if fails => 26,
+                t => (500 - (t - SECOND) as i32 / 8_000).max(26),
+            };
+            let mut scenario = with_faults(6 * SECOND, 1, run(50), egt);
+            if reset {
+                scenario = scenario.reset(Ecu::Amt.config());
+            }
+            scenario.fly_us(run(50), Origin::Rc, 3 * SECOND);
+            assert_eq!(scenario.order(), order, "{reset} {fails}");
+        }
+    }
+}
+
+/// A longer `recover_after` does not take control from a source that was lost once and has long been back.
+#[test]
+fn a_longer_recover_after_leaves_a_source_in_control() {
+    for ecu in BOTH {
+        let mut scenario = flying(ecu);
+        scenario.reports = Some(Reports::Running);
+        scenario.pass_us(3 * SECOND);
+        scenario.fly_us(run(50), Origin::Rc, 20 * SECOND);
+        let mut config = ecu.config().supervision;
+        config.recover_after = Duration::from_secs(60);
+        scenario.bench.act(|engine, now| engine.configure(now, &config)).unwrap();
+        scenario.fly_us(run(50), Origin::Rc, 5 * SECOND);
+        assert_eq!(scenario.order(), Order::Run(percent(50)), "{ecu:?}");
+        // The control: it counts from its next loss on.
+        scenario.pass_us(3 * SECOND);
+        scenario.fly_us(run(50), Origin::Rc, 20 * SECOND);
+        assert_eq!(scenario.order(), Order::Run(percent(0)), "{ecu:?}");
+    }
+}
