@@ -219,7 +219,7 @@ impl Case<'_> {
         })
     }
 
-    /// When the source that started the engine last commanded run without a gap: it was in control from its start on.
+    /// When the source that started the engine last commanded run without a gap, and with none above it: it was in control from its start on.
     fn last_run_of_start(&self, source: usize, at: u64) -> Option<u64> {
         let commands = self.command_log.until(source, at);
         let is_run = |(_, command): &(u64, PilotCommand)| matches!(command, PilotCommand::Run(_));
@@ -227,9 +227,11 @@ impl Case<'_> {
             let before = index.checked_sub(1).is_some_and(|before| is_run(&commands[before]));
             is_run(&commands[*index]) && !before && self.start_sent(commands[*index].0)
         })?;
-        let stream = commands[first..]
-            .windows(2)
-            .take_while(|pair| is_run(&pair[1]) && pair[1].0 <= pair[0].0 + self.command_log.age(source));
+        // A higher source may take over, and it would have to take over again.
+        let above = |at: u64| (0..source).any(|higher| self.command_log.fresh(higher, at).is_some());
+        let stream = commands[first..].windows(2).take_while(|pair| {
+            is_run(&pair[1]) && pair[1].0 <= pair[0].0 + self.command_log.age(source) && !above(pair[1].0)
+        });
         Some(stream.last().map_or(commands[first].0, |pair| pair[1].0))
     }
 
@@ -416,8 +418,9 @@ impl Case<'_> {
                 h.samples(reset.up + first, from).iter().all(|sample| sample.fault)
             });
             // After a gap error sets do not say whether it is the same engine, and get no reply.
-            let gap = self.blind.last_before(at).filter(|(from, to)| to - from > 2 * h.rules.period);
-            let behind_gap = gap.is_some_and(|(_, to)| to < sets && faults(to));
+            let mut gaps =
+                self.blind.iter().filter(|(from, to)| to - from > 2 * h.rules.period && *to < sets);
+            let behind_gap = gaps.any(|(_, to)| to >= since && faults(to));
             // After a fault only a set that reports running does.
             let fault = self.faults.last_before(at).filter(|(_, to)| *to < sets);
             let after_fault = fault.is_some_and(|(_, to)| {

@@ -298,6 +298,16 @@ fn an_ecu_does_not_put_out_an_engine_for_want_of_commands() {
         }
     };
     story(AMT).with(faults).with(early(Cause::PowerOn)).passes();
+    // After a gap, error sets get no reply, also where another gap begins just before the ECU gives up (834001021).
+    let gaps = |cuts: &'static [(u64, u64)]| {
+        move |h: &mut History| {
+            h.mute = Spans::from(&cuts.iter().map(|(from, to)| (from * MS, to * MS)).collect::<Vec<_>>());
+            h.frames.retain(|frame| frame.at < 37_200 * MS || frame.at >= 40 * SECOND);
+        }
+    };
+    story(AMT).with(faults).with(gaps(&[(37_200, 38_000)])).passes();
+    story(AMT).with(faults).with(gaps(&[(37_200, 38_000), (39_700, 41_000)])).passes();
+    story(AMT).with(faults).with(gaps(&[(39_700, 41_000)])).breaks(&[Rule::GivenUp]);
     story(AMT).with(early(Cause::PowerOn)).breaks(&[Rule::GivenUp]);
     // Or from the first set on, which may have been begun before them.
     let begun_before = |h: &mut History| {

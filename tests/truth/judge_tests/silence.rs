@@ -342,6 +342,25 @@ fn who_starts_an_engine_is_in_control_at_once() {
     }
 }
 
+/// The source that started the engine waits to take over from a higher one that was lost, and is silent before it has: the stages of loss are the
+/// higher one's (834001076).
+#[test]
+fn the_source_of_the_start_is_not_in_control_once_a_higher_one_has_been() {
+    let story = |higher: bool, standby: f64| {
+        let mut story = flight(ZK5, 43.0)
+            .wire(43.0, standby, HALF)
+            .wire(standby, 60.0, STANDBY)
+            .turbine(43.0, 60.0, Phase::Running, 100_000.0, 500.0)
+            .with(|h| (h.rules.standby_after, h.rules.takeover) = (Some(10 * SECOND), 5 * SECOND));
+        if higher {
+            story = story.streams(0, 32.0, 40.0, PilotCommand::Run(Demanded::Throttle(500)));
+        }
+        story.finds(Rule::ShutDown)
+    };
+    assert_eq!([story(true, 51.6), story(true, 49.0)], [false, true]);
+    assert_eq!([story(false, 54.6), story(false, 51.6)], [false, true]);
+}
+
 /// With error sets only, and a broken thermocouple, nothing shows that an AMT engine runs: in silence its order ends.
 #[test]
 fn in_silence_an_engine_that_nothing_shows_is_shut_down() {
