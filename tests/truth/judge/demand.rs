@@ -186,8 +186,10 @@ impl Case<'_> {
                 (slewed, risen) = (share, share);
                 continue;
             };
-            // After a gap it rises from its previous value, whatever was commanded meanwhile, until the last slot.
+            // After a gap it rises from its previous value, whatever was commanded meanwhile, until the last slot: two where ID 6 goes before it.
             let slot = at.saturating_sub(rules.period + 20 * MS);
+            let split = h.frames_within(slot, at).iter().any(|frame| matches!(frame.sent, Sent::Mode(..)));
+            let slot = if split { slot.saturating_sub(rules.period) } else { slot };
             let stick = self.command_log.run_in_control(slot) != self.command_log.run_in_control(at);
             let doubted = !stick && self.doubted(when, at);
             let time = if doubted { (at - when).min(rules.period + 130 * MS) } else { at - when };

@@ -37,17 +37,21 @@ fn a_demand_rises_from_the_one_that_was_sent_before_a_reset() {
 #[test]
 fn a_stick_that_moves_in_the_last_slot_of_a_gap_moves_the_demand() {
     let run = |tenths| PilotCommand::Run(Demanded::Throttle(tenths));
-    let jumps = |moves: f64| {
+    let jumps = |moves: f64, split: bool| {
+        let ends = if split { 41.15 } else { 41.2 };
         flight(ZK5, 40.0)
             .streams(PILOT, 40.0, moves, run(500))
             .streams(PILOT, moves, 49.0, run(1000))
-            .wire(40.0, 41.2, Sent::Nothing)
+            .wire(40.0, ends, Sent::Nothing)
+            .wire(ends, 41.2, Sent::Mode(Some(Switch::Run), 0))
             .wire(41.2, 50.0, Sent::Full(Switch::Run, 1000))
             .turbine(40.0, 50.0, Phase::Running, 100_000.0, 500.0)
             .with(|h| h.mute = Spans::from(&[(40 * SECOND, 41 * SECOND)]))
             .finds(Rule::Rate)
     };
-    assert!(!jumps(41.18) && jumps(41.0));
+    assert!(!jumps(41.18, false) && jumps(41.1, false));
+    // ID 6 goes first (835000014).
+    assert!(!jumps(41.1, true) && jumps(41.0, true));
 }
 
 #[test]
