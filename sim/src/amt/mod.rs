@@ -251,6 +251,8 @@ struct Session {
     ctf_since: Option<Nanos>,
     /// No start until OPS has left run.
     locked: bool,
+    /// It is locked because no command arrived.
+    silenced: bool,
     own_errors: u8,
     /// Time at which the last trip locked it.
     tripped_at: Option<Nanos>,
@@ -272,6 +274,7 @@ impl Session {
             clearance_since: None,
             ctf_since: None,
             locked: config.temper.wants_auto_stop_first,
+            silenced: false,
             own_errors: 0,
             tripped_at: None,
             stale: last.map(|(status, ops)| (frames, status, ops)),
@@ -461,10 +464,14 @@ fn control(config: &AmtConfig, session: &mut Session, turbine: &mut Turbine, sta
 
     if live && !session.locked && silent {
         stats.serial_delay_stops += 1;
-        session.locked = true;
+        (session.locked, session.silenced) = (true, true);
         if config.loss_is_an_error {
             session.own_errors |= error::SWITCH_CHANNEL | error::THROTTLE_CHANNEL;
         }
+    }
+    if config.temper.starts_after_silence && session.silenced && !live && !silent {
+        (session.locked, session.silenced) = (false, false);
+        session.own_errors &= !(error::SWITCH_CHANNEL | error::THROTTLE_CHANNEL);
     }
     if live && session.ctf_since.is_some_and(|since| at >= since + config.serial_delay) {
         stats.ctf_stops += 1;
@@ -577,7 +584,7 @@ impl Ecu for AmtEcu {
             Ops::Run => session.ctf_since = None,
             Ops::EmergencyStop | Ops::AutoStop => {
                 session.ctf_since = None;
-                session.locked = false;
+                (session.locked, session.silenced) = (false, false);
                 session.own_errors = 0;
                 session.tripped_at = None;
                 self.turbine.clear_trip();

@@ -21,6 +21,9 @@ pub struct AmtTemper {
     /// Time after which a trip's error and its lock clear by themselves; if OPS is still run, the engine then starts.
     /// Default `None`: only a stop by the host clears them.
     pub trips_clear_after: Option<Nanos>,
+    /// An engine that the ECU stopped because no command arrived starts again as soon as OPS = run arrives. Default `false`: only after a stop by
+    /// the host.
+    pub starts_after_silence: bool,
 }
 
 /// A state in which a running engine is reported now and then.
@@ -43,5 +46,6 @@ impl AmtTemper {
         clearance: SECOND,
         in_flight: None,
         trips_clear_after: None,
+        starts_after_silence: false,
     };
 }

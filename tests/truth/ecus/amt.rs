@@ -17,8 +17,12 @@ use sim::control::{Command, Frame};
 
 /// For the named cases: an ECU as harmful as the document allows.
 pub fn case() -> (EngineConfig, AnyConfig) {
-    let temper =
-        AmtTemper { starts_hot: true, trips_clear_after: Some(60_000_000_000), ..AmtTemper::DEFAULT };
+    let temper = AmtTemper {
+        starts_hot: true,
+        trips_clear_after: Some(60_000_000_000),
+        starts_after_silence: true,
+        ..AmtTemper::DEFAULT
+    };
     let ecu = AmtConfig {
         temper,
         log: 8,
@@ -52,6 +56,7 @@ pub fn random(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {
         starts_hot: rng.percent(35),
         in_flight: rng.percent(20).then_some(in_flight),
         trips_clear_after: rng.percent(25).then(|| rng.spread(500, 60_000) * 1_000_000),
+        starts_after_silence: rng.percent(30),
     };
     let ecu = AmtConfig {
         temper,

@@ -86,6 +86,19 @@ fn a_running_engine_shows_full_operation_or_something_else_now_and_then() {
 }
 
 #[test]
+fn an_engine_that_was_stopped_for_want_of_commands_starts_again_on_run_or_only_after_a_stop() {
+    for starts_after_silence in [false, true] {
+        let temper = AmtTemper { starts_after_silence, starts_hot: true, ..AmtTemper::DEFAULT };
+        let mut bench = Bench::running(config(temper));
+        bench.reply = None;
+        bench.wait_ms(10_000);
+        assert!(!bench.ecu.turbine().phase().is_live() && ignitions(&bench) == 1);
+        bench.reply(&run(0)).wait_ms(10_000);
+        assert_eq!(ignitions(&bench), if starts_after_silence { 2 } else { 1 });
+    }
+}
+
+#[test]
 fn a_flame_out_keeps_the_engine_from_a_start_or_only_for_a_while() {
     for trips_clear_after in [None, Some(20 * SECOND)] {
         let temper = AmtTemper { trips_clear_after, starts_hot: true, ..AmtTemper::DEFAULT };
