@@ -99,11 +99,12 @@ pub(crate) struct Engine<'a> {
     stopped_at: Option<Instant>,
     /// It was ordered to run, or its start waited, when that was last looked at.
     was_ordered: bool,
-    refreshed: Option<Instant>,
+    /// Time of the next command that keeps MAVLink present, waiting or idling.
+    refresh_at: Instant,
     /// Who waits for the end of a start, and on which port.
     pub progress: Option<(u8, Address)>,
-    /// The vehicle was disarmed for long enough that standby was commanded.
-    stood_by: bool,
+    /// Time up to which its last start was in progress: disarmed counts towards standby from then on.
+    starting_until: Instant,
     /// Commands since they were last taken.
     #[cfg(feature = "record")]
     pub commanded: Vec<Command, RECORDED>,
@@ -166,9 +167,9 @@ impl<'a> Engine<'a> {
             last_starts: Vec::new(),
             stopped_at: None,
             was_ordered: false,
-            refreshed: None,
+            refresh_at: Instant::MIN,
             progress: None,
-            stood_by: false,
+            starting_until: Instant::MIN,
             #[cfg(feature = "record")]
             commanded: Vec::new(),
         }
@@ -243,7 +244,7 @@ impl<'a> Engine<'a> {
         let relights = self.switch == Switch::Waiting && self.settings.relight;
         let held = if relights { Some(Throttle::IDLE) } else { held };
         let throttle = self.hold(situation.now, throttle, held);
-        self.refreshed = Some(situation.now);
+        self.refresh_at = situation.now + REFRESH;
         match self.command(Command::Run(Demand::Throttle(throttle))) {
             Ok(Accepted::InForce) if self.switch == Switch::Waiting => {
                 self.switch = Switch::Run;
@@ -405,7 +406,7 @@ impl<'a> Engine<'a> {
             Ok(switch) => {
                 self.switch = switch;
                 self.ordered_by = Some(from.system);
-                self.refreshed = Some(situation.now);
+                self.refresh_at = situation.now + REFRESH;
                 self.disarmed = false;
                 self.armed |= armed;
                 self.armed_for_start = armed_here;
@@ -481,24 +482,28 @@ impl<'a> Engine<'a> {
         let telemetry = self.telemetry();
         self.follow(situation, &telemetry);
         self.arm(situation, &telemetry);
-        let standby = self.settings.disarmed_standby.zip(situation.vehicle.disarmed_for(situation.now));
-        let due = standby.is_some_and(|(after, disarmed)| disarmed >= after);
-        if due && self.is_at_run() && !core::mem::replace(&mut self.stood_by, true) {
-            // Never refused but in an emergency stop.
-            let _ = self.stop(situation.now);
+        if self.is_at_run() {
+            if !self.start_is_over(&telemetry) {
+                self.starting_until = situation.now;
+            }
+            let disarmed = situation.vehicle.disarmed_for(situation.now, self.starting_until);
+            let standby = self.settings.disarmed_standby.zip(disarmed);
+            if standby.is_some_and(|(after, disarmed)| disarmed >= after) {
+                // Never refused but in an emergency stop.
+                let _ = self.stop(situation.now);
+            }
         }
-        self.stood_by &= due;
         if self.idles_disarmed(situation, &telemetry) {
             return self.pass_on(situation, Throttle::IDLE);
         }
-        if self.refreshed.is_some_and(|at| situation.now < at + REFRESH) {
+        if situation.now < self.refresh_at {
             return None;
         }
         match self.switch {
             // Present, but without a command: when the start comes, this source has been received without a gap.
             Switch::Stopped if telemetry.ordered.order == Order::Listen => None,
             Switch::Stopped => {
-                self.refreshed = Some(situation.now);
+                self.refresh_at = situation.now + REFRESH;
                 let _ = self.command(Command::Present);
                 None
             }
@@ -522,7 +527,7 @@ impl<'a> Engine<'a> {
             && vehicle.arming() == Arming::Disarmed
             && vehicle.is_received(situation.now)
             && telemetry.active_source == Origin::Mavlink
-            && self.refreshed.is_none_or(|at| situation.now >= at + REFRESH)
+            && situation.now >= self.refresh_at
             && self.ordered_throttle() > Throttle::IDLE
     }
 
@@ -571,11 +576,14 @@ impl<'a> Engine<'a> {
         }
     }
 
+    fn start_is_over(&self, telemetry: &Telemetry) -> bool {
+        telemetry.start_by.is_none() && self.switch != Switch::Waiting
+    }
+
     /// Passes the vehicle's arming on.
     fn arm(&mut self, situation: Situation<'_>, telemetry: &Telemetry) {
         let vehicle = situation.vehicle;
-        let start_is_over = telemetry.start_by.is_none() && self.switch != Switch::Waiting;
-        if self.armed_for_start && start_is_over {
+        if self.armed_for_start && self.start_is_over(telemetry) {
             self.armed_for_start = false;
             if vehicle.arming() != Arming::Armed {
                 self.disarm();

@@ -121,10 +121,10 @@ impl Vehicle {
         self.last.is_some_and(|last| now < last + RECEIVED_WITHIN)
     }
 
-    /// Time for which it has shown disarmed without a gap, up to its last heartbeat: silence shows nothing.
-    pub fn disarmed_for(&self, now: Instant) -> Option<Duration> {
+    /// Time for which it has shown disarmed without a gap since `from`, up to its last heartbeat: silence shows nothing.
+    pub fn disarmed_for(&self, now: Instant, from: Instant) -> Option<Duration> {
         let last = self.last.filter(|_| self.is_received(now))?;
-        Some(last.saturating_duration_since(self.disarmed_since?))
+        Some(last.saturating_duration_since(self.disarmed_since?.max(from)))
     }
 
     /// Time of the last heartbeat of our autopilot that was like the one before.
@@ -337,9 +337,12 @@ mod tests {
         assert_eq!(beat(&mut vehicle, 3, 3, 0), Some(VehicleEvent::Disarmed));
         assert_eq!(vehicle.arming(), Arming::Disarmed);
         beat(&mut vehicle, 4, 3, 0);
-        assert_eq!(vehicle.disarmed_for(at(4)), Some(Duration::from_secs(1)));
-        assert_eq!(vehicle.disarmed_for(at(7)), Some(Duration::from_secs(1)), "up to the last heartbeat");
-        assert_eq!(vehicle.disarmed_for(at(9)), None, "silent");
+        let disarmed_for =
+            |vehicle: &Vehicle, now| vehicle.disarmed_for(at(now), at(0)).map(|it| it.as_secs());
+        assert_eq!(disarmed_for(&vehicle, 4), Some(1));
+        assert_eq!(disarmed_for(&vehicle, 7), Some(1), "up to the last heartbeat");
+        assert_eq!(disarmed_for(&vehicle, 9), None, "silent");
+        assert_eq!(vehicle.disarmed_for(at(4), at(7)), Some(Duration::MIN));
         // Other vehicles and silence change nothing; the time without a gap restarts.
         beat(&mut vehicle, 4, 7, MODE_ARMED);
         beat(&mut vehicle, 5, 7, MODE_ARMED);
@@ -348,6 +351,6 @@ mod tests {
         assert_eq!(vehicle.arming(), Arming::Disarmed);
         beat(&mut vehicle, 60, 3, 0);
         beat(&mut vehicle, 62, 3, 0);
-        assert_eq!(vehicle.disarmed_for(at(62)), Some(Duration::from_secs(2)));
+        assert_eq!(disarmed_for(&vehicle, 62), Some(2));
     }
 }

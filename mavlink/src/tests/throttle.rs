@@ -137,6 +137,26 @@ fn standby_after_a_time_disarmed_is_a_setting() {
     });
 }
 
+/// A start that the bit allows takes longer than the time. The control: the engine still gets its standby, and so does the next start.
+#[test]
+fn a_start_while_disarmed_has_its_whole_time_once_the_engine_runs() {
+    run(async |world| {
+        world.ready().await;
+        assert_eq!(world.set(ENGINE[1], "MAV_DISARM_STBY", 5_000.0).await.0, Some(5_000.0));
+        world.plane.armed.set(false);
+        world.pass_s(10.0).await;
+        for start in ["first", "next"] {
+            let (answer, texts) = world.control(1, &[1.0, 0.0, 0.0, 1.0]).await;
+            assert_eq!(answer, ACCEPTED, "{start}: {texts}");
+            world.until("it runs", 120, || world.telemetry(1).state == EngineState::Running).await;
+            world.pass_s(4.0).await;
+            assert_eq!(world.ordered(1), Some(0), "{start}");
+            world.until("standby", 3, || world.ordered(1).is_none()).await;
+            world.cold(1).await;
+        }
+    });
+}
+
 /// An autopilot that restarts in flight shows disarmed, and then hangs: silence does not extend the time disarmed. The control: it continues to show it.
 #[test]
 fn silence_does_not_count_as_time_disarmed() {

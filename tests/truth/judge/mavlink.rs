@@ -243,6 +243,7 @@ impl Case<'_> {
         let own: Vec<_> = h.commanded.iter().filter(|it| it.source == MAVLINK).collect();
         // The last order of a person, and when.
         let mut stopped: Option<u64> = None;
+        let mut started: Option<u64> = None;
         for (i, commanded) in own.iter().enumerate() {
             let (at, up) = (commanded.at, self.up(commanded.at));
             let earliest = at - words.tolerance(at).min(at);
@@ -253,7 +254,7 @@ impl Case<'_> {
             let start = start.or_else(|| words.renewed.iter().rev().find(begun));
             let why = match commanded.command {
                 PilotCommand::Run(Demanded::Throttle(0)) if begins => {
-                    stopped = None;
+                    (stopped, started) = (None, Some(at));
                     None
                 }
                 PilotCommand::Run(Demanded::Throttle(tenths)) if !begins => {
@@ -270,6 +271,7 @@ impl Case<'_> {
                         !words.may_show(since + TICK, at, true)
                             && words.shows(at) == Some(false)
                             && !words.is_silent(since, at)
+                            && started.is_none_or(|started| started < since)
                     });
                     let unnamed = at < words.known && any(|word| word == Word::StopElsewhere);
                     let received = any(|word| word == Word::Stop) || unnamed;

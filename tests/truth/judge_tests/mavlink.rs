@@ -82,16 +82,27 @@ fn a_start_is_what_somebody_commanded_of_an_armed_vehicle_at_idle() {
 /// Silence is neither armed nor disarmed.
 #[test]
 fn a_vehicle_that_shows_disarmed_for_its_time_stops_its_engine_and_a_silent_one_does_not() {
-    let breaks = |until: u32| {
+    let breaks = |until: u32, started: f64| {
         let shown = (0..until).map(|second| (4.0 + f64::from(second), DISARMED));
-        let words: Vec<_> = WORDS.into_iter().chain(shown).collect();
-        let commands = [(5.0, PilotCommand::Disarm), (25.5, PilotCommand::ShutDown)];
+        let start = Word::Start { from: 255, confirmation: 0, while_disarmed: true };
+        let start = [(started - 0.1, output(0)), (started, start)];
+        let mut words = [&WORDS[..2], &shown.collect::<Vec<_>>(), &start].concat();
+        words.sort_by(|(one, _), (other, _)| one.total_cmp(other));
+        let mut commands = vec![
+            COMMANDS[0],
+            (started, PilotCommand::Standby),
+            (started, RUN),
+            (5.0, PilotCommand::Disarm),
+            (25.5, PilotCommand::ShutDown),
+        ];
+        commands.sort_by(|(one, _), (other, _)| one.total_cmp(other));
         let settings = ByMavlink { standby_after: Some(20 * SECOND), ..ByMavlink::default() };
-        breaks_where(settings, &words, &[&COMMANDS[..], &commands].concat())
+        breaks_where(settings, &words, &commands)
     };
-    assert!(!breaks(22), "it has shown disarmed all the time");
-    assert!(breaks(4), "it is silent");
-    assert!(breaks(13), "it is silent at the end");
+    assert!(!breaks(22, 3.0), "it has shown disarmed all the time");
+    assert!(breaks(4, 3.0), "it is silent");
+    assert!(breaks(13, 3.0), "it is silent at the end");
+    assert!(!breaks(22, 5.4) && breaks(22, 5.6), "a start while disarmed has its time");
 }
 
 /// 600100023: by its header, a damaged frame included the bytes after it, which were skipped with the start in them; the node
