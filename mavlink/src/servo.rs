@@ -72,11 +72,12 @@ impl FrameClock {
         let agreeing = match self.candidate {
             Some(Candidate::Back { last, first_delay, frames }) => {
                 let advanced = time.wrapping_sub(last) as i32;
-                let differs = (delay.wrapping_sub(first_delay) as i32).abs();
+                let differs = (delay.wrapping_sub(first_delay) as i32).unsigned_abs();
                 if advanced == 0 {
                     return false;
                 }
-                (advanced > 0 && differs <= AGREE_WITHIN).then(|| (first_delay, frames.saturating_add(1)))
+                (advanced > 0 && differs <= AGREE_WITHIN.unsigned_abs())
+                    .then(|| (first_delay, frames.saturating_add(1)))
             }
             _ => None,
         };
@@ -177,6 +178,22 @@ mod tests {
         assert!(!clock.counts(now, 5_075_000, true), "repeated");
         assert!(!clock.counts(now, 5_050_000, true), "older");
         assert_eq!(stream(&mut clock, 1_100_000, 5_100_000, &[0, 310, 310, 0]), [true, false, false, true]);
+    }
+
+    /// A frame that is older than the last one, and two that are half a wrap before: such a difference has no absolute value in 32 bits. The
+    /// control: the two are not.
+    #[test]
+    fn frames_that_are_half_a_wrap_apart_do_not_agree() {
+        let counted = |back: u32| {
+            let mut clock = FrameClock::default();
+            assert!(clock.counts(Instant::from_micros(10_000_000), 5_000_000, false));
+            [(100, 0), (200, back), (300, back)].map(|(after, back)| {
+                let time = 4_999_899_u32.wrapping_add(after).wrapping_sub(back);
+                clock.counts(Instant::from_micros(10_000_000 + u64::from(after)), time, false)
+            })
+        };
+        assert_eq!(counted(0), [false, true, true]);
+        assert_eq!(counted(1 << 31), [false; 3]);
     }
 
     #[test]
