@@ -1,7 +1,7 @@
 //! One port: frames in, a queue of frames out, and its share of telemetry.
 //!
-//! Telemetry stays below a quarter of the port, and is the first to be dropped: an answer finds space as long as the port
-//! transmits at all. Heartbeats and texts are always sent and use up this quarter first.
+//! Telemetry stays below a quarter of the port, and is the first to be dropped, what was requested the next: the answer to a command finds
+//! space as long as the port transmits at all. Heartbeats and texts are always sent and use up this quarter first.
 
 use crate::frame::{Address, Decoder, MAX_FRAME, Received, encode_payload};
 use crate::sent::Payload;
@@ -11,6 +11,9 @@ use heapless::{Deque, Vec};
 
 /// Bytes that wait for the port.
 const QUEUE: usize = 1024;
+/// Bytes that may wait when something requested is added: it may be requested at the rate of the line. The rest has space for the heartbeats of
+/// six engines, signed.
+const REQUESTED_QUEUE: usize = QUEUE - 256;
 /// Bytes that may wait when telemetry is added. The rest is for answers.
 const TELEMETRY_QUEUE: usize = 384;
 /// Telemetry that may be sent at once, as a time of the port's quarter.
@@ -64,15 +67,17 @@ pub struct PortCounters {
     pub queued: u32,
     /// Frames of telemetry that were dropped.
     pub telemetry_dropped: u32,
-    /// Answers, heartbeats and texts that were dropped: the port does not transmit.
+    /// Answers, heartbeats and texts that were dropped: the port does not transmit, or more is requested than it carries.
     pub answers_dropped: u32,
 }
 
 /// Purpose of a frame.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Class {
-    /// An answer.
+    /// The answer to a command.
     Answer,
+    /// A parameter or a message on request.
+    Requested,
     /// A heartbeat or a text: sent like an answer, and counted as telemetry.
     Always,
     Telemetry,
@@ -246,22 +251,21 @@ impl<const N: usize> Port<N> {
         };
         let mut frame = encode_payload(from, sequence, message, seal.is_some());
         let length = frame.len() + if seal.is_some() { SIGNATURE } else { 0 };
-        let free = QUEUE - self.queue.len();
-        let fits = match class {
-            Class::Answer | Class::Always => length <= free,
-            Class::Telemetry => {
-                self.queue.len() + length <= TELEMETRY_QUEUE && self.used_until <= now + BURST
-            }
+        let most = match class {
+            Class::Answer | Class::Always => QUEUE,
+            Class::Requested => REQUESTED_QUEUE,
+            Class::Telemetry if self.used_until > now + BURST => 0,
+            Class::Telemetry => TELEMETRY_QUEUE,
         };
-        if !fits {
+        if self.queue.len() + length > most {
             let count = match class {
-                Class::Answer | Class::Always => &mut self.counters.answers_dropped,
                 Class::Telemetry => &mut self.counters.telemetry_dropped,
+                _ => &mut self.counters.answers_dropped,
             };
             *count = count.wrapping_add(1);
             return false;
         }
-        if class != Class::Answer {
+        if matches!(class, Class::Always | Class::Telemetry) {
             self.used_until = (self.used_until.max(now) + self.quarter(length)).min(now + DEBT);
         }
         let sequence = match engine.and_then(|engine| self.streams.get_mut(engine)) {

@@ -316,16 +316,16 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         match (message, place) {
             (Some(MESSAGE_HEARTBEAT), _) => self.send_heartbeat(now, port, place),
             (Some(MESSAGE_EFI_STATUS), Place::Engine(engine)) => {
-                self.send_efi(now, port, engine, Class::Answer);
+                self.send_efi(now, port, engine, Class::Requested);
             }
             (Some(MESSAGE_NAMED_VALUE_FLOAT), Place::Engine(engine)) => {
-                self.send_values(now, port, engine, true, Class::Answer);
+                self.send_values(now, port, engine, true, Class::Requested);
             }
             (Some(MESSAGE_RELAY_STATUS), Place::Node) if self.attached.has_outputs() => {
-                self.send_relays(now, port, Class::Answer);
+                self.send_relays(now, port, Class::Requested);
             }
             (Some(MESSAGE_RC_CHANNELS), Place::Node) if self.attached.channels(now).is_some() => {
-                self.send_channels(now, port, Class::Answer);
+                self.send_channels(now, port, Class::Requested);
             }
             _ => return Ok(Ack::Unsupported),
         }

@@ -128,7 +128,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
             param_id: CharArray::new(parameter.name().0),
             param_type: PARAM_REAL32,
         };
-        self.send(now, port, place, Class::Answer, &message);
+        self.send(now, port, place, Class::Requested, &message);
         true
     }
 

@@ -301,3 +301,44 @@ fn heartbeats_of_four_engines_have_the_documented_share() {
         assert_eq!(7 * signed * 40 < baud, baud >= 9600, "below a quarter at {baud}");
     }
 }
+
+/// Anybody reads parameters as fast as the line carries the requests, whose answers are longer. The control: nobody does.
+#[test]
+fn heartbeats_and_answers_to_stops_come_while_a_flood_of_reads_is_answered() {
+    for floods in [false, true] {
+        run(async |world| {
+            world.ready().await;
+            let at = world.frames.borrow().len();
+            let read = |param_index: i16| PARAM_REQUEST_READ_DATA {
+                param_index,
+                target_system: SYSTEM,
+                target_component: ENGINE[0],
+                param_id: "".into(),
+            };
+            for i in 0..2000 {
+                // 28 bytes in 5 ms, and a request has 16 or 17.
+                let requests = if floods { 1 + i16::from(i % 3 > 0) } else { 0 };
+                (0..requests).for_each(|next| world.say(TO_AUTOPILOT, GROUND, &read((i + next) % 30)));
+                if i % 200 == 100 {
+                    let stop = COMMAND_LONG_DATA {
+                        command: CMD_DO_ENGINE_CONTROL,
+                        target_system: SYSTEM,
+                        target_component: ENGINE[1],
+                        ..Default::default()
+                    };
+                    world.say(TO_AUTOPILOT, GROUND, &stop);
+                }
+                world.pass_s(0.005).await;
+            }
+            world.pass_s(1.0).await;
+            let frames = world.frames.borrow();
+            let sent = frames.iter().skip(at).filter(|(_, port, _)| *port == TO_AUTOPILOT);
+            let count =
+                |what: fn(&MavMessage) -> bool| sent.clone().filter(|(.., it)| what(&it.message())).count();
+            let acks = count(|message| matches!(message, MavMessage::COMMAND_ACK(_)));
+            let values = count(|message| matches!(message, MavMessage::PARAM_VALUE(_)));
+            assert_eq!((acks, values > 1000), (10, floods), "{values} values");
+            assert_eq!(count(BEAT), 3 * 11, "{floods}");
+        });
+    }
+}
