@@ -14,7 +14,9 @@ const LONGEST: usize = 3 * PIECE;
 /// Length of a piece, which is a frame.
 pub(crate) const PIECE: usize = 50;
 /// Texts that may be sent at once, and the time after which another one may.
-const BURST: u32 = 12;
+const BURST: u32 = 16;
+/// Those of them that answers leave to events.
+const EVENTS: u32 = 4;
 const EVERY: Duration = Duration::from_millis(500);
 
 /// A text; it is cut after three pieces.
@@ -78,19 +80,14 @@ impl Limiter {
         Self { left: BURST, since: now, lost: 0 }
     }
 
-    /// Whether a text may be sent now; otherwise it is counted.
-    pub fn allows(&mut self, now: Instant) -> bool {
+    /// Whether a text may be sent now; otherwise it is counted. The answer to a frame leaves some to events: frames come as often as their sender
+    /// likes.
+    pub fn allows(&mut self, now: Instant, answers: bool) -> bool {
         self.refill(now);
-        match self.left.checked_sub(1) {
-            Some(left) => {
-                self.left = left;
-                true
-            }
-            None => {
-                self.lost = self.lost.wrapping_add(1);
-                false
-            }
-        }
+        let allowed = self.left > if answers { EVENTS } else { 0 };
+        let count = if allowed { &mut self.left } else { &mut self.lost };
+        *count = if allowed { count.wrapping_sub(1) } else { count.wrapping_add(1) };
+        allowed
     }
 
     /// Number of lost texts, once it is worth a text of its own.
@@ -169,10 +166,14 @@ mod tests {
     #[test]
     fn a_flood_is_limited_and_counted() {
         let mut limiter = Limiter::new(Instant::from_secs(1));
-        let sent = (0..1000).filter(|i| limiter.allows(Instant::from_millis(1000 + i))).count();
-        assert_eq!(sent, 13);
+        let sent = (0..1000).filter(|i| limiter.allows(Instant::from_millis(1000 + i), false)).count();
+        assert_eq!(sent, 17);
         assert_eq!(limiter.take_lost(Instant::from_secs(2)), None);
-        assert_eq!(limiter.take_lost(Instant::from_secs(10)), Some(987));
+        assert_eq!(limiter.take_lost(Instant::from_secs(10)), Some(983));
         assert_eq!(limiter.take_lost(Instant::from_secs(20)), None);
+        // Of answers, and then of events.
+        let now = Instant::from_secs(30);
+        let sent = [true, false].map(|answers| (0..20).filter(|_| limiter.allows(now, answers)).count());
+        assert_eq!(sent, [12, 4]);
     }
 }

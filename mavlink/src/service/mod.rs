@@ -481,7 +481,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         self.say(now, Place::Engine(engine), Severity::Warning, None, format_args!("start refused: {why}"));
     }
 
-    /// Sends a text, on one port or on all.
+    /// Sends a text, on all ports, or on one as an answer.
     fn say(
         &mut self,
         now: Instant,
@@ -494,7 +494,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             Place::Node => Some(&mut self.node_texts),
             Place::Engine(engine) => self.texts.get_mut(engine),
         };
-        if !limiter.is_some_and(|limiter| limiter.allows(now)) {
+        if !limiter.is_some_and(|limiter| limiter.allows(now, port.is_some())) {
             self.counters.texts_lost = self.counters.texts_lost.wrapping_add(1);
             return;
         }

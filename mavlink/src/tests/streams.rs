@@ -8,6 +8,7 @@ use crate::port::PortConfig;
 use crate::settings::{Identity, NodeSettings};
 use crate::signing::SigningState;
 use embassy_time::{Duration, Instant};
+use jetlink::command::{Command, Origin};
 use std::string::{String, ToString};
 use std::vec::Vec;
 
@@ -236,6 +237,36 @@ fn the_state_of_an_engine_is_in_its_heartbeat_and_its_texts() {
             assert!(texts.contains(text), "{text}: {texts}");
         }
     });
+}
+
+/// A script repeats what is refused, as often as it likes. The control: it does not.
+#[test]
+fn an_event_has_its_text_among_refusals() {
+    for every in [None, Some(4), Some(1)] {
+        run(async |world| {
+            world.ready().await;
+            let bench = world.node.owners()[1].source(Origin::Bench).unwrap();
+            let nonsense = COMMAND_LONG_DATA {
+                command: CMD_USER_1,
+                param1: 99.0,
+                target_system: SYSTEM,
+                target_component: ENGINE[1],
+                ..Default::default()
+            };
+            for i in 0..200 {
+                if every.is_some_and(|every| i % every == 0) {
+                    world.say(TO_GROUND, GROUND, &nonsense);
+                }
+                if i == 150 {
+                    bench.command(Command::EmergencyStop).unwrap();
+                }
+                world.pass_s(0.1).await;
+            }
+            let texts = world.texts();
+            assert_eq!(texts.contains("refused"), every.is_some());
+            assert!(texts.contains("right: emergency stop, from bench"), "every {every:?}");
+        });
+    }
 }
 
 /// Bytes and frames of telemetry on a slow port within 30 s, with or without a refused setting, which only a text answers, every half second.
