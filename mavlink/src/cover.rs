@@ -134,9 +134,10 @@ impl Cover {
         due
     }
 
-    /// There is another key: nothing is stored for it.
+    /// There is another key: nothing is stored for it, and what waits was signed with the old one.
     pub fn forget(&mut self) {
         (self.stored, self.wanted, self.saving) = (Stamp::ZERO, None, None);
+        self.waiting.clear();
     }
 
     /// The stamp to save now. [`Cover::saved`] has to follow.

@@ -336,6 +336,35 @@ fn setup(secret_key: [u8; 32]) -> SETUP_SIGNING_DATA {
     }
 }
 
+/// The control: the key is not replaced while the setting waits.
+#[test]
+fn a_setting_that_waits_is_not_obeyed_once_its_key_is_replaced() {
+    for replaced in [false, true] {
+        run_signed(known(), SigningState::new(key(7), before_all()), PortConfig::usb(), async |world| {
+            world.service.borrow_mut().set_parameter_storage(ParameterStorage::Stored);
+            world.key_is_everywhere.set(!replaced);
+            world.ready().await;
+            let at_rest = AtRest::new();
+            at_rest.set(true);
+            let (mut store, ..) = load(Mock::new(&at_rest), &at_rest);
+            let hold = || world.service.borrow().engine_settings().next().unwrap().0.number("LOSS_HOLD");
+            world.say(TO_AUTOPILOT, GROUND, &set(2500.0));
+            assert_eq!(hold(), Some(1000), "it waits");
+            if replaced {
+                let initial_timestamp = SENDERS_STAMP + 100_000_000;
+                let setup = SETUP_SIGNING_DATA { initial_timestamp, ..setup([2; 32]) };
+                world.say(TO_GROUND, GROUND, &setup);
+            }
+            let now = world.service.borrow().signing(Instant::now());
+            assert_eq!(now.key(), key(if replaced { 2 } else { 7 }).as_ref(), "{}", world.texts());
+            save(world, &mut store);
+            world.pass_s(0.1).await;
+            save(world, &mut store);
+            assert_eq!(hold(), Some(if replaced { 1000 } else { 2500 }));
+        });
+    }
+}
+
 /// Keys are set and cleared, and settings are set in between: the power is cut at every write and erase. The state found then covers
 /// everything that has acted, and the key is the last one stored, or the one being stored.
 #[test]
