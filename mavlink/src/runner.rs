@@ -205,7 +205,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Runner<'a, N, P, A> {
                 };
                 if place.is_none() && !begins {
                     requested = true;
-                    if result == Err(NotSaved::Failed) {
+                    if result == Err(NotSaved::Failed) && self.service.borrow().may_rewrite() {
                         rewrite = true;
                         continue;
                     }

@@ -9,7 +9,7 @@
 //!   a word counts as written and wrong.
 //! - **Empty and damaged differ.** Each record has a sequence number and the digest of all newest records, so that a lost
 //!   newest record is noticed ([`Found::Damaged`]), but not a record that a power cut kept from being written. A lost record
-//!   stays noticed until everything is formatted.
+//!   stays noticed until everything is rewritten: the digest of each later one is wrong as well.
 //!
 //! There are two sectors. Whenever the power fails, one of them alone has all newest records: a migration erases the old
 //! sector only after it has copied everything. So each sector is examined alone, and before the next save the other one is
@@ -229,9 +229,46 @@ type Map<'a, F> = MapStorage<u8, Guard<'a, F>, Cache<Uncached, Uncached, Uncache
 struct Newest {
     key: u8,
     sequence: u32,
-    /// Digest of all newest records, including this one.
-    digest: u32,
     own: u32,
+}
+
+/// The newest records of a sector.
+#[derive(Clone, Default, Debug)]
+struct Chain<const KEYS: usize> {
+    newest: Vec<Newest, KEYS>,
+    /// Sequence number of the last record.
+    sequence: u32,
+    /// The digest in the last record, from which that of the next one follows. Where records are missing it is wrong, and stays so.
+    digest: u32,
+}
+
+impl<const KEYS: usize> Chain<KEYS> {
+    /// Takes a record.
+    fn take(&mut self, found: Newest, digest: u32) {
+        if found.sequence >= self.sequence {
+            (self.sequence, self.digest) = (found.sequence, digest);
+        }
+        match self.newest.iter_mut().find(|newest| newest.key == found.key) {
+            Some(newest) if newest.sequence <= found.sequence => *newest = found,
+            Some(_) => {}
+            // A key too many is foreign data.
+            None => drop(self.newest.push(found)),
+        }
+    }
+
+    fn is_whole(&self) -> bool {
+        !self.newest.is_empty() && self.digest == self.sum()
+    }
+
+    /// Digest of all newest records.
+    fn sum(&self) -> u32 {
+        self.newest.iter().fold(0, |digest, newest| digest ^ newest.own)
+    }
+
+    /// Whether records are missing, and no other one is there.
+    fn all_are_missing(&self) -> bool {
+        self.newest.is_empty() && self.digest != 0
+    }
 }
 
 /// Records by key: 0 is the node, the others are engines and attached devices. `KEYS` is the largest number of them, including those
@@ -239,9 +276,7 @@ struct Newest {
 pub struct Store<'a, F: Flash, const KEYS: usize = { self::KEYS }> {
     map: Map<'a, F>,
     at_rest: &'a AtRest,
-    newest: Vec<Newest, KEYS>,
-    /// The last sequence number.
-    sequence: u32,
+    chain: Chain<KEYS>,
     /// All records are being rewritten, and this is not the last one yet.
     rewriting: bool,
     /// The sector that has all newest records.
@@ -261,7 +296,7 @@ struct Space {
 
 impl<F: Flash, const KEYS: usize> Debug for Store<'_, F, KEYS> {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.debug_struct("Store").field("newest", &self.newest).finish_non_exhaustive()
+        f.debug_struct("Store").field("chain", &self.chain).finish_non_exhaustive()
     }
 }
 
@@ -275,15 +310,15 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         let guard = Guard { flash, at_rest, swapped: false, only: None, reads: 0 };
         let map = MapStorage::new(guard, Self::CONFIG, Cache::new_uncached());
         let mut store =
-            Self { map, at_rest, newest: Vec::new(), sequence: 0, rewriting: false, sector: 0, space: None };
+            Self { map, at_rest, chain: Chain::default(), rewriting: false, sector: 0, space: None };
         let found = store.survey().await;
-        let newest = store.newest.clone();
+        let newest = store.chain.newest.clone();
         if newest.is_empty() {
             return (store, found);
         }
         for of_node in [true, false] {
             store
-                .scan(store.sector, &mut |found, record| {
+                .scan(store.sector, &mut |found, _, record| {
                     let own = newest.iter().find(|newest| newest.key == found.key);
                     if (found.key == 0) == of_node && own.is_some_and(|own| own.sequence == found.sequence) {
                         each(found.key, record);
@@ -296,44 +331,29 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
 
     /// Finds the sector that has all newest records, and what is wrong with it.
     async fn survey(&mut self) -> Found {
-        let mut sectors: [Vec<Newest, KEYS>; 2] = Default::default();
-        for (sector, newest) in (0..).zip(&mut sectors) {
-            self.scan(sector, &mut |found, _| {
-                match newest.iter_mut().find(|newest| newest.key == found.key) {
-                    Some(newest) if newest.sequence < found.sequence => *newest = found,
-                    Some(_) => {}
-                    // A key too many is foreign data.
-                    None => drop(newest.push(found)),
-                }
-            })
-            .await;
+        let mut sectors: [Chain<KEYS>; 2] = Default::default();
+        for (sector, chain) in (0..).zip(&mut sectors) {
+            self.scan(sector, &mut |found, digest, _| chain.take(found, digest)).await;
         }
-        let last = |newest: &Vec<Newest, KEYS>| newest.iter().map(|newest| newest.sequence).max();
-        let whole = |newest: &Vec<Newest, KEYS>| {
-            let last = newest.iter().max_by_key(|newest| newest.sequence);
-            last.is_some_and(|last| last.digest == digest(newest))
-        };
+        let rank = |chain: &Chain<KEYS>| (!chain.newest.is_empty(), chain.sequence, chain.is_whole());
         let [first, second] = &sectors;
-        let second_is_it = match (last(second), whole(second)).cmp(&(last(first), whole(first))) {
+        let second_is_it = match rank(second).cmp(&rank(first)) {
             Ordering::Less => false,
             Ordering::Greater => true,
-            Ordering::Equal if first.is_empty() => false,
+            Ordering::Equal if first.newest.is_empty() => false,
             // If both have all, the less full one is the copy, and the other one may be half erased.
             Ordering::Equal => self.empty_at_end(1).await > self.empty_at_end(0).await,
         };
         self.sector = second_is_it.into();
         self.space = None;
         self.rewriting = false;
-        let newest = if second_is_it { second } else { first };
-        self.sequence = last(newest).unwrap_or(0);
-        let whole = whole(newest);
-        self.newest = newest.clone();
-        if whole {
+        self.chain = (if second_is_it { second } else { first }).clone();
+        if self.chain.is_whole() {
             return Found::Whole;
         }
         // Our data may be unreadable: the sector begins with the mark, is not all zeros, and holds more than a first record, which a power
         // cut may have torn.
-        let mut ours = !self.newest.is_empty();
+        let mut ours = !self.chain.newest.is_empty();
         for sector in 0..2 {
             let mut mark = [0; WORD];
             // An unreadable word reads as the mark.
@@ -342,9 +362,16 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
                 && mark.iter().all(|&byte| byte == 0)
             {
                 ours = (1..Self::SECTOR.saturating_sub(FIRST)).contains(&self.empty_at_end(sector).await);
+                self.sector = if ours { sector } else { 0 };
             }
         }
-        if ours { Found::Damaged } else { Found::Empty }
+        if !ours {
+            return Found::Empty;
+        }
+        if self.chain.newest.is_empty() {
+            self.chain.digest = !0;
+        }
+        Found::Damaged
     }
 
     /// The empty space.
@@ -353,7 +380,7 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
             return space;
         }
         let [first, second] = [self.empty_at_end(0).await, self.empty_at_end(1).await];
-        if self.newest.is_empty() {
+        if self.chain.newest.is_empty() && self.chain.digest == 0 {
             self.sector = (second > first).into();
         }
         let [free, other] = if self.sector == 1 { [second, first] } else { [first, second] };
@@ -381,8 +408,8 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         empty
     }
 
-    /// Passes every record of a sector to `each`, also the older ones of a key.
-    async fn scan(&mut self, sector: u32, each: &mut dyn FnMut(Newest, &[u8])) {
+    /// Passes every record of a sector to `each`, also the older ones of a key, with the digest of all.
+    async fn scan(&mut self, sector: u32, each: &mut dyn FnMut(Newest, u32, &[u8])) {
         self.map.flash().only = Some(sector);
         let mut buffer = [0; BUFFER];
         if let Ok(mut records) = self.map.fetch_all_items(&mut buffer).await {
@@ -391,7 +418,7 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
                 let Ok((Item { sequence, digest, record }, _)) = Item::deserialize_from(bytes) else {
                     continue;
                 };
-                each(Newest { key, sequence, digest, own: own_digest(key, record) }, record);
+                each(Newest { key, sequence, own: own_digest(key, record) }, digest, record);
             }
         }
         self.map.flash().only = None;
@@ -406,17 +433,19 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         let at_rest = self.at_rest.get();
         let cleaned = if dirty && at_rest { self.clean().await } else { Ok(()) };
         let own = own_digest(key, record);
-        let before = self.newest.iter().find(|newest| newest.key == key).map(|newest| newest.own);
+        let before = self.chain.newest.iter().find(|newest| newest.key == key).map(|newest| newest.own);
         if before == Some(own) {
             return Ok(());
         }
         cleaned?;
-        let last = self.newest.iter().max_by_key(|newest| newest.sequence);
         // From the last one's digest: a record missing now is also missing with this record.
-        let digest = last.map_or(0, |last| last.digest) ^ before.unwrap_or(0) ^ own;
-        let sequence = if self.rewriting { 0 } else { self.sequence.wrapping_add(1) };
+        let digest = self.chain.digest ^ before.unwrap_or(0) ^ own;
+        // What shows that all were lost stays until this one is stored.
+        let turns = self.chain.all_are_missing();
+        let free = if turns { Self::SECTOR } else { free };
+        let sequence = if self.rewriting { 0 } else { self.chain.sequence.wrapping_add(1) };
         let length = HEAD + record.len();
-        if record.len() > RECORD || before.is_none() && self.newest.is_full() {
+        if record.len() > RECORD || before.is_none() && self.chain.newest.is_full() {
             return Err(NotSaved::Failed);
         }
         // The mark that closes the sector needs space; an empty sector also gets one that opens it.
@@ -428,19 +457,19 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         if (!fits || dirty) && !at_rest {
             return Err(NotSaved::Full);
         }
+        if turns {
+            self.turn();
+        }
         // In a block, so that its buffer does not coexist with those of a survey.
         let stored = {
             let mut buffer = [0; BUFFER];
             self.map.store_item(&mut buffer, &key, &Item { sequence, digest, record }).await
         };
         if stored.is_ok() && fits {
-            let newest = Newest { key, sequence, digest, own };
-            match self.newest.iter_mut().find(|newest| newest.key == key) {
-                Some(slot) => *slot = newest,
-                None => drop(self.newest.push(newest)),
-            }
+            self.chain.take(Newest { key, sequence, own }, digest);
+            // Also during a rewrite, where it is not the last one.
+            self.chain.digest = digest;
             self.space = Some(Space { free: free.saturating_sub(needed), dirty: false });
-            self.sequence = self.sequence.max(sequence);
             if !self.rewriting && self.map.flash().only.take().is_some() {
                 // These records apply now, and those in the other sector no longer do.
                 self.space = None;
@@ -473,13 +502,19 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         // Unknown, if this fails.
         self.space = None;
         self.clean().await?;
+        self.turn();
+        (self.chain.digest, self.rewriting) = (0, true);
+        self.chain.newest.clear();
+        Ok(())
+    }
+
+    /// The next record goes to the other sector, which is empty: nothing is appended, moved or erased in this one.
+    fn turn(&mut self) {
         let guard = self.map.flash();
         // The crate begins in the first one.
         guard.swapped ^= self.sector == 0;
         guard.only = Some(0);
-        (self.sector, self.rewriting) = (0, true);
-        self.newest.clear();
-        Ok(())
+        self.sector = 0;
     }
 
     /// The next saved record is the last one of the rewrite.
@@ -491,11 +526,6 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
     pub fn into_flash(self) -> F {
         self.map.destroy().0.flash
     }
-}
-
-/// Digest of all newest records.
-fn digest(newest: &[Newest]) -> u32 {
-    newest.iter().fold(0, |digest, newest| digest ^ newest.own)
 }
 
 fn own_digest(key: u8, record: &[u8]) -> u32 {

@@ -162,6 +162,15 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         false
     }
 
+    /// Whether all records may be stored again because the memory does not accept one: that ends damage, which only a person does.
+    pub fn may_rewrite(&self) -> bool {
+        #[cfg(feature = "signing")]
+        if self.confirming {
+            return true;
+        }
+        !self.damaged
+    }
+
     /// The next record to store, with its key. [`Service::saved`] has to follow.
     pub fn next_save(&mut self) -> Option<(u8, Record)> {
         #[cfg(feature = "signing")]

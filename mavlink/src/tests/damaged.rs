@@ -2,7 +2,7 @@
 //! the actions of a person at the board.
 
 #[cfg(feature = "signing")]
-use super::store::{Mock, Word, load};
+use super::store::{Mock, Word, load, unreadable};
 use super::world::*;
 use crate::dialect::*;
 use crate::frame::Address;
@@ -18,13 +18,17 @@ use crate::service::{ParameterStorage, Request, Service};
 use crate::settings::{Identity, NodeSettings};
 use crate::signing::SigningState;
 #[cfg(feature = "signing")]
+use crate::signing::{Key, Stamp};
+#[cfg(feature = "signing")]
 use crate::store::{AtRest, Found, NotSaved};
 #[cfg(feature = "signing")]
 use embassy_futures::block_on;
 #[cfg(feature = "signing")]
+use embassy_futures::join::join;
+#[cfg(feature = "signing")]
 use embassy_futures::select::select;
 #[cfg(feature = "signing")]
-use embassy_time::{Duration, Instant};
+use embassy_time::{Duration, Instant, Timer};
 use jetlink::command::Order;
 use jetlink::engine::state::EngineState;
 use jetlink::event::LossStage;
@@ -330,4 +334,66 @@ fn a_restart_after_a_confirmation_waits_until_all_is_stored() {
     let mock = Mock { erase_time: None, ..store.into_flash() };
     let (_, found, records) = load(mock, &at_rest);
     assert_eq!((found, records.keys().copied().collect::<Vec<_>>()), (Found::Whole, std::vec![0, 0x80]));
+}
+
+/// A node with a port for an autopilot and USB, for 8 s on a damaged memory: what its next start finds.
+#[cfg(feature = "signing")]
+fn next_start(mock: Mock<'_>, key: Option<Key>, says: impl FnOnce(&mut Service<'_, 1, 2>, Instant)) -> Found {
+    sim::clock::reset();
+    let at_rest = mock.at_rest;
+    let (mut store, found, _) = load(mock, at_rest);
+    assert_eq!(found, Found::Damaged);
+    let now = Instant::now();
+    let signing = SigningState::new(key, Stamp::new(1000).unwrap());
+    let ports = [PortConfig::uart(57_600), PortConfig::usb()];
+    let mut service = Service::new(now, NodeSettings::DEFAULT, signing, [], ports);
+    service.set_parameter_storage(ParameterStorage::Stored);
+    service.set_damaged(true);
+    says(&mut service, now);
+    let runner = Runner::new(service);
+    let node = join(runner.keep_time(|_, _| ()), runner.store_settings(&mut store, at_rest));
+    sim::clock::run(select(node, Timer::after_secs(8)));
+    let mock = store.into_flash();
+    assert!(mock.done > 0, "something was stored");
+    load(mock, at_rest).1
+}
+
+#[cfg(feature = "signing")]
+#[test]
+fn nothing_that_the_node_stores_by_itself_confirms_the_settings() {
+    let at_rest = AtRest::new();
+    let unreadable = unreadable(&at_rest);
+    let (mut store, ..) = load(Mock::new(&at_rest), &at_rest);
+    for key in 0..3 {
+        block_on(store.save(key, &[key; 40])).unwrap();
+    }
+    let mut partly = store.into_flash();
+    partly.words[1] = Word::Torn;
+    // The next record meets a word that is not empty, and the memory does not accept it.
+    let mut full = partly.clone();
+    let used = full.words.iter().rposition(|&word| word != Word::Holds([0xFF; 32])).unwrap();
+    full.words[used + 2] = Word::Torn;
+    for mock in [unreadable, partly, full].map(|mock| Mock { done: 0, ..mock }) {
+        let learns = |service: &mut Service<'_, 1, 2>, now| {
+            let beat = HEARTBEAT_DATA { mavtype: 1, autopilot: 3, mavlink_version: 3, ..Default::default() };
+            for second in 0..7 {
+                service.receive(now + Duration::from_secs(second), 0, &encode(AUTOPILOT, 0, &beat));
+            }
+            assert!(!service.is_saved(), "the id is learnt");
+        };
+        assert_eq!(next_start(mock.clone(), None, learns), Found::Damaged, "an id");
+        assert_eq!(next_start(mock.clone(), Key::new([7; 32]), |_, _| ()), Found::Damaged, "a time stamp");
+        let confirms = |service: &mut Service<'_, 1, 2>, now| {
+            let confirm = COMMAND_LONG_DATA {
+                command: CMD_USER_1,
+                param1: CONFIRM[0],
+                param2: CONFIRM[1],
+                target_system: SYSTEM,
+                target_component: NODE,
+                ..Default::default()
+            };
+            service.receive(now, 1, &encode(GROUND, 0, &confirm));
+        };
+        assert_eq!(next_start(mock, None, confirms), Found::Whole, "a person");
+    }
 }

@@ -382,6 +382,57 @@ fn what_is_damaged_stays_damaged_until_all_is_rewritten() {
     assert!(mock.words.iter().filter(|&&word| word != EMPTY).count() <= 4, "nothing earlier is left");
 }
 
+/// A memory with five records, of which only the mark of their sector can be read.
+pub fn unreadable(at_rest: &AtRest) -> Mock<'_> {
+    at_rest.set(true);
+    let (mut store, ..) = load(Mock::new(at_rest), at_rest);
+    for key in 0..5 {
+        block_on(store.save(key, &[key; 40])).unwrap();
+    }
+    let mut mock = store.into_flash();
+    let used = mock.words.iter().rposition(|&word| word != EMPTY).unwrap();
+    mock.words[1..=used].fill(Word::Torn);
+    Mock { done: 0, ..mock }
+}
+
+#[test]
+fn unreadable_records_stay_damage_whatever_is_saved_and_wherever_the_power_fails() {
+    let at_rest = AtRest::new();
+    let whole = unreadable(&at_rest);
+    // In either sector, and with foreign data in the other one.
+    for (second, foreign) in [(false, false), (true, false), (false, true), (true, true)] {
+        let mut mock = whole.clone();
+        if foreign {
+            mock.words[SECTOR / WORD..].fill(Word::Holds([0x5A; WORD]));
+        }
+        if second {
+            mock.words.rotate_left(SECTOR / WORD);
+        }
+        let save_all = |left, seed| {
+            let mock = Mock { left, rng: Rng::with_seed(seed), ..mock.clone() };
+            let (mut store, found, _) = load(mock, &at_rest);
+            assert_eq!(found, Found::Damaged);
+            let saved = changes(20).iter().all(|(key, record)| block_on(store.save(*key, record)).is_ok());
+            (saved, Mock { left: None, ..store.into_flash() })
+        };
+        let (saved, last) = save_all(None, 0);
+        assert!(saved && last.erases >= 3, "{} erases", last.erases);
+        for (cut, seed) in (1..=last.done).flat_map(|cut| (0..4).map(move |seed| (cut, seed))) {
+            let (_, cut_short) = save_all(Some(cut), seed);
+            let (mut store, found, _) = load(cut_short, &at_rest);
+            assert_eq!(
+                found,
+                Found::Damaged,
+                "second {second}, foreign {foreign}, cut at {cut}, seed {seed}"
+            );
+            // A rewrite is what ends it.
+            let new = Records::from([(1, b"new".to_vec())]);
+            rewrite(&mut store, &new).unwrap();
+            assert_eq!(load(store.into_flash(), &at_rest).1, Found::Whole);
+        }
+    }
+}
+
 #[test]
 fn after_a_power_cut_during_a_rewrite_all_old_records_apply_or_all_new_ones() {
     let at_rest = AtRest::new();
