@@ -256,8 +256,9 @@ impl<const KEYS: usize> Chain<KEYS> {
         }
     }
 
+    /// Whether none is missing. The records of a rewrite have no sequence number but for the last one: without that they are not whole.
     fn is_whole(&self) -> bool {
-        !self.newest.is_empty() && self.digest == self.sum()
+        self.sequence > 0 && self.digest == self.sum()
     }
 
     /// Digest of all newest records.
@@ -368,8 +369,9 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         if !ours {
             return Found::Empty;
         }
-        if self.chain.newest.is_empty() {
-            self.chain.digest = !0;
+        if self.chain.digest == self.chain.sum() {
+            // All are unreadable, or the last one of a rewrite is missing.
+            self.chain.digest = !self.chain.digest;
         }
         Found::Damaged
     }
@@ -503,7 +505,9 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         self.space = None;
         self.clean().await?;
         self.turn();
-        (self.chain.digest, self.rewriting) = (0, true);
+        // Where there was nothing, each record applies at once.
+        self.rewriting = self.chain.sequence > 0 || self.chain.digest != 0;
+        self.chain.digest = 0;
         self.chain.newest.clear();
         Ok(())
     }

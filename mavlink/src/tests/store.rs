@@ -487,6 +487,59 @@ fn after_a_power_cut_during_a_rewrite_all_old_records_apply_or_all_new_ones() {
 }
 
 #[test]
+fn a_confirmation_that_is_cut_short_leaves_the_damage() {
+    let at_rest = AtRest::new();
+    let mock = unreadable(&at_rest);
+    let new: Records = (0..4).map(|key| (key, std::vec![100 + key; 40])).collect();
+    let (mut store, ..) = load(mock.clone(), &at_rest);
+    rewrite(&mut store, &new).unwrap();
+    let done = store.into_flash().done;
+    let mut whole = 0;
+    for (cut, seed) in (1..=done).flat_map(|cut| (0..8).map(move |seed| (cut, seed))) {
+        let cut_short = Mock { left: Some(cut), rng: Rng::with_seed(seed), ..mock.clone() };
+        let (mut store, ..) = load(cut_short, &at_rest);
+        let _ = rewrite(&mut store, &new);
+        let mock = Mock { left: None, ..store.into_flash() };
+        let (mut store, found, records) = load(mock, &at_rest);
+        let case = std::format!("cut at {cut} of {done}, seed {seed}");
+        assert_eq!(found == Found::Whole, records == new, "{case}: {found:?} {:?}", records.keys());
+        whole += usize::from(found == Found::Whole);
+        // What is saved later does not end it.
+        block_on(store.save(0, b"later")).unwrap();
+        let (mut store, again, _) = load(store.into_flash(), &at_rest);
+        assert_eq!(again, found, "{case}");
+        // Another confirmation does.
+        rewrite(&mut store, &new).unwrap();
+        let (_, found, records) = load(store.into_flash(), &at_rest);
+        assert_eq!((found, records), (Found::Whole, new.clone()), "{case}");
+    }
+    assert!(whole > 4, "{whole}");
+}
+
+/// Foreign data, among which a record cannot be written.
+#[test]
+fn a_power_cut_in_the_first_rewrite_of_a_memory_is_no_damage() {
+    let at_rest = AtRest::new();
+    at_rest.set(true);
+    let mut mock = Mock::new(&at_rest);
+    mock.words.fill(Word::Holds([0x5A; WORD]));
+    let new: Records = (0..4).map(|key| (key, std::vec![100 + key; 40])).collect();
+    let (mut store, ..) = load(mock.clone(), &at_rest);
+    rewrite(&mut store, &new).unwrap();
+    let done = store.into_flash().done;
+    // After the erase, which may leave anything.
+    for (cut, seed) in (2..=done).flat_map(|cut| (0..8).map(move |seed| (cut, seed))) {
+        let cut_short = Mock { left: Some(cut), rng: Rng::with_seed(seed), ..mock.clone() };
+        let (mut store, found, _) = load(cut_short, &at_rest);
+        assert_eq!(found, Found::Empty);
+        let _ = rewrite(&mut store, &new);
+        let (_, found, records) = load(Mock { left: None, ..store.into_flash() }, &at_rest);
+        let expected = if records.is_empty() { Found::Empty } else { Found::Whole };
+        assert_eq!(found, expected, "cut at {cut} of {done}, seed {seed}");
+    }
+}
+
+#[test]
 fn an_erase_that_was_refused_is_made_up_for_before_the_next_move() {
     let at_rest = AtRest::new();
     at_rest.set(true);
