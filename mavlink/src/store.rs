@@ -29,8 +29,9 @@ use sequential_storage::map::{MapConfig, MapStorage, SerializationError, Value};
 
 /// Size of the largest record, bytes.
 pub const RECORD: usize = 256;
-/// Largest number of records: of the node, and of eight engines.
-pub const KEYS: usize = 9;
+/// Largest number of records: of the node, of six engines, of what is attached to each, and of signing. An image stores fewer of them, but may
+/// find those of another one.
+pub const KEYS: usize = 14;
 /// Sequence number and digest, in front of each record.
 const HEAD: usize = 8;
 /// A record with its key and head, rounded up to the largest word of a flash memory.
@@ -224,8 +225,9 @@ impl<'a> Value<'a> for Item<'a> {
 
 type Map<'a, F> = MapStorage<u8, Guard<'a, F>, Cache<Uncached, Uncached, Uncached, u8>>;
 
-/// One newest record.
+/// One newest record. Packed: three lists of them are in RAM.
 #[derive(Clone, Copy, Debug)]
+#[repr(C, packed)]
 struct Newest {
     key: u8,
     sequence: u32,
@@ -251,7 +253,7 @@ impl<const KEYS: usize> Chain<KEYS> {
         match self.newest.iter_mut().find(|newest| newest.key == found.key) {
             Some(newest) if newest.sequence <= found.sequence => *newest = found,
             Some(_) => {}
-            // A key too many is foreign data.
+            // If there are too many, their digest does not match.
             None => drop(self.newest.push(found)),
         }
     }

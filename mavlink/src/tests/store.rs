@@ -539,6 +539,41 @@ fn a_power_cut_in_the_first_rewrite_of_a_memory_is_no_damage() {
     }
 }
 
+/// A memory with a record of each of these keys, in this order, stored by an image with space for them.
+fn of_keys<'a>(at_rest: &'a AtRest, keys: &[u8]) -> Mock<'a> {
+    let (mut store, _): (Store<'_, Mock<'_>, 32>, _) =
+        block_on(Store::load(Mock::new(at_rest), at_rest, &mut |_, _| ()));
+    for (i, key) in keys.iter().enumerate() {
+        block_on(store.save(*key, &[*key, i as u8])).unwrap();
+    }
+    store.into_flash()
+}
+
+#[test]
+fn records_of_a_larger_image_are_neither_damage_nor_lost() {
+    let at_rest = AtRest::new();
+    at_rest.set(true);
+    // The node, six engines with a receiver each, and signing. A change of the node's settings may follow.
+    let keys = [0, 1, 2, 3, 4, 5, 6, 0x81, 0x82, 0x83, 0x84, 0x85, 0x86, 0x80, 0];
+    for count in 1..=keys.len() {
+        let (mut store, found, before) = load(of_keys(&at_rest, &keys[..count]), &at_rest);
+        assert_eq!((found, before.len()), (Found::Whole, count.min(keys.len() - 1)));
+        // More than a sector of changes: the others move with it.
+        for i in 0..60 {
+            block_on(store.save(0, &[i; 2])).unwrap();
+        }
+        let (_, found, mut records) = load(store.into_flash(), &at_rest);
+        records.insert(0, before[&0].clone());
+        assert_eq!((found, records), (Found::Whole, before));
+    }
+    // An image with space for four of them: not those without the others.
+    for count in 4..=6 {
+        let mock = of_keys(&at_rest, &[1, 2, 3, 4, 5, 1][..count]);
+        let (_, found): (Store<'_, Mock<'_>, 4>, _) = block_on(Store::load(mock, &at_rest, &mut |_, _| ()));
+        assert_eq!(found, if count > 4 { Found::Damaged } else { Found::Whole }, "{count} records");
+    }
+}
+
 #[test]
 fn an_erase_that_was_refused_is_made_up_for_before_the_next_move() {
     let at_rest = AtRest::new();
