@@ -2,7 +2,6 @@
 
 use crate::sentence::{names, sentences};
 use crate::units::Signed;
-use embassy_time::Instant;
 
 /// Action on a violated limit.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default)]
@@ -70,15 +69,13 @@ pub struct LimitViolation {
     pub value: i32,
     /// Limit, in the same unit.
     pub limit: i32,
-    /// Time of the value.
-    pub at: Instant,
 }
 
 impl LimitViolation {
     #[inline(never)]
-    pub(crate) fn new(kind: LimitKind, value: u32, limit: u32, at: Instant) -> Self {
+    pub(crate) fn new(kind: LimitKind, value: u32, limit: u32) -> Self {
         let signed = |value| i32::try_from(value).unwrap_or(i32::MAX);
-        Self { kind, value: signed(value), limit: signed(limit), at }
+        Self { kind, value: signed(value), limit: signed(limit) }
     }
 }
 

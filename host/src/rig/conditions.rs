@@ -195,7 +195,7 @@ pub fn of_demand(sample: &Sample, detail: &Detail) -> Vec<String> {
     if telemetry.limited {
         let limits = &supervision.limits;
         let lowers = |violation: &&LimitViolation| action(limits, violation.kind) == Action::FailSafe;
-        let latest = detail.violations.iter().filter(lowers).max_by_key(|violation| violation.at);
+        let latest = detail.violations.iter().rfind(lowers);
         let which = latest.map_or_else(String::new, |violation| format!(" ({violation})"));
         all.push(format!("a limit has lowered the demand{which}: it stays there until standby is commanded"));
     }
@@ -346,7 +346,7 @@ mod tests {
         assert_eq!(of(&detail, "EGT").unwrap().text, "25 °C, limit 100 °C");
         assert_eq!(of(&detail, "demand").unwrap().text, "0.0 %, at most 2.0 %");
         // The node's refusal is shown, however a reader might interpret the values.
-        let violation = |kind, value, limit| LimitViolation { kind, value, limit, at: Instant::MIN };
+        let violation = |kind, value, limit| LimitViolation { kind, value, limit };
         detail.violations =
             vec![violation(LimitKind::FlameOut, 30, 25), violation(LimitKind::OverTemperature, 8230, 8000)];
         for (why, what, text) in [
@@ -483,10 +483,9 @@ mod tests {
         detail.telemetry.limited = true;
         detail.config.supervision.limits.over_temperature.action = Action::FailSafe;
         // A limit that is only reported lowers nothing.
-        for (kind, value, limit, at) in
-            [(LimitKind::OverTemperature, 8230, 8000, 5), (LimitKind::FlameOut, 30, 25, 9)]
+        for (kind, value, limit) in [(LimitKind::OverTemperature, 8230, 8000), (LimitKind::FlameOut, 30, 25)]
         {
-            detail.violations.push(LimitViolation { kind, value, limit, at: Instant::from_secs(at) });
+            detail.violations.push(LimitViolation { kind, value, limit });
         }
         assert_eq!(
             of_demand(&sample, &detail),

@@ -196,7 +196,7 @@ pub struct EngineContext<'a> {
     pub failure: RefCell<Option<String>>,
     /// From the end of the last fault on its line until its link was up.
     pub recovered_after: Cell<Option<Duration>>,
-    /// The last violation of each limit that the node has reported.
+    /// The last violation of each limit that the node has reported, the latest at the end.
     pub violations: RefCell<Vec<LimitViolation>>,
     /// When each source last commanded standby.
     standbys: RefCell<Vec<(Origin, Nanos)>>,

@@ -164,7 +164,7 @@ impl LimitMonitor {
         }
         if let Some(egt) = report.egt.filter(|egt| self.egt_seen != Some(egt.at)) {
             self.egt_seen = Some(egt.at);
-            self.observe_egt(limits, now, egt, phase, found);
+            self.observe_egt(limits, egt, phase, found);
             self.egt_filtered = Some(self.egt_last.map_or(egt.value, |last| last.max(egt.value)));
             self.egt_last = Some(egt.value);
         }
@@ -173,7 +173,7 @@ impl LimitMonitor {
             let voltage = supply.value;
             let limit = limits.supply_low.at.filter(|limit| voltage < *limit);
             let low =
-                limit.map(|limit| LimitViolation::new(LimitKind::SupplyLow, voltage.get(), limit.get(), now));
+                limit.map(|limit| LimitViolation::new(LimitKind::SupplyLow, voltage.get(), limit.get()));
             self.supply_low.observe(low, found);
         }
         if let Some(faults) = report.faults.filter(|faults| self.fault_seen != Some(faults.at)) {
@@ -184,7 +184,7 @@ impl LimitMonitor {
                 self.fault.beyond.reset();
             }
             let before = self.fault.violated.then_some(self.fault_reported);
-            let fault = fault.map(|number| LimitViolation::new(LimitKind::EcuFault, number.into(), 0, now));
+            let fault = fault.map(|number| LimitViolation::new(LimitKind::EcuFault, number.into(), 0));
             let reported = &mut self.fault_reported;
             self.fault.observe(fault, &mut |confirmed| {
                 *reported = confirmed.value;
@@ -207,7 +207,7 @@ impl LimitMonitor {
     ) {
         let value = rpm.value.get();
         if let Some(limit) = limits.implausible.at {
-            self.check_change(now, rpm, limit, found);
+            self.check_change(rpm, limit, found);
         } else {
             self.implausible = LimitState::WITHIN;
         }
@@ -215,13 +215,13 @@ impl LimitMonitor {
         // Without a configured limit the ECU's own figures apply. A maximum of 0 is not a limit.
         let reported_max = report.max_rpm.map(|max| max.value.get() / 100 * 105).filter(|max| *max > 0);
         let max = limits.over_speed.at.map(Rpm::get).or(reported_max).filter(|max| value > *max);
-        let high = max.map(|max| LimitViolation::new(LimitKind::OverSpeed, value, max, now));
+        let high = max.map(|max| LimitViolation::new(LimitKind::OverSpeed, value, max));
         self.over_speed.observe(high, found);
         let reported_idle = report.idle_rpm.map(|idle| idle.value.get() / 100 * 80);
         // `lowered` is `now` while no run is in force: after standby the ECU may still report a running engine.
         let runs = phase == Some(Phase::Running) && lowered < now;
         let min = limits.low_rpm.at.map(Rpm::get).or(reported_idle).filter(|min| runs && value < *min);
-        let low = min.map(|min| LimitViolation::new(LimitKind::LowRpm, value, min, now));
+        let low = min.map(|min| LimitViolation::new(LimitKind::LowRpm, value, min));
         self.low_rpm.observe(low, found);
 
         let out = limits.flame_out.at.and_then(|limit| {
@@ -235,19 +235,13 @@ impl LimitMonitor {
             let lost = highest.get().saturating_sub(value).saturating_mul(100) / highest.get().max(1);
             let commanded = now < lowered + SPOOL_DOWN;
             let beyond = phase == Some(Phase::Running) && !commanded && lost >= u32::from(limit);
-            beyond.then(|| LimitViolation::new(LimitKind::FlameOut, lost, u32::from(limit), now))
+            beyond.then(|| LimitViolation::new(LimitKind::FlameOut, lost, u32::from(limit)))
         });
         self.flame_out.observe(out, found);
     }
 
     /// Checks for a change of shaft speed, in rpm/s, that no turbine can make.
-    fn check_change(
-        &mut self,
-        now: Instant,
-        rpm: Timed<Rpm>,
-        limit: u32,
-        found: &mut dyn FnMut(LimitViolation),
-    ) {
+    fn check_change(&mut self, rpm: Timed<Rpm>, limit: u32, found: &mut dyn FnMut(LimitViolation)) {
         let change = |before: Timed<Rpm>| {
             // Frames that were read late have close timestamps.
             let elapsed = rpm.at.saturating_duration_since(before.at).max(CHANGE_OVER).as_micros();
@@ -261,7 +255,7 @@ impl LimitMonitor {
         };
         let change = change(before);
         let beyond = change > limit;
-        let beyond = beyond.then(|| LimitViolation::new(LimitKind::Implausible, change, limit, now));
+        let beyond = beyond.then(|| LimitViolation::new(LimitKind::Implausible, change, limit));
         self.implausible.observe(beyond, found);
         if change <= limit || self.implausible.beyond.reached(AGREEING) {
             self.plausible = Some(rpm);
@@ -271,13 +265,12 @@ impl LimitMonitor {
     fn observe_egt(
         &mut self,
         limits: &Limits,
-        now: Instant,
         egt: Timed<Celsius>,
         phase: Option<Phase>,
         found: &mut dyn FnMut(LimitViolation),
     ) {
         let value = egt.value.tenths();
-        let violation = |kind, value, limit| LimitViolation { kind, value, limit, at: now };
+        let violation = |kind, value, limit| LimitViolation { kind, value, limit };
         let max = limits.over_temperature.at.filter(|max| egt.value > *max);
         let hot = max.map(|max| violation(LimitKind::OverTemperature, value.into(), max.tenths().into()));
         self.over_temperature.observe(hot, found);

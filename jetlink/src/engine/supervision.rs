@@ -74,8 +74,7 @@ impl Engine {
             let ms = |until: Instant| {
                 i32::try_from(until.saturating_duration_since(began).as_millis()).unwrap_or(i32::MAX)
             };
-            let violation =
-                LimitViolation { kind: LimitKind::StartTimeout, value: ms(now), limit: ms(by), at: now };
+            let violation = LimitViolation { kind: LimitKind::StartTimeout, value: ms(now), limit: ms(by) };
             self.sources.forget_runs();
             self.standby(now, Origin::Node);
             self.event(Event::Limit(violation));

@@ -140,9 +140,9 @@ fn a_limit_is_reported_with_its_time() {
         for i in 1..=3 {
             scenario.bench.rx_at_us(from + i * 70_000, &ecu.frame(Reports::Running, values));
         }
-        let violations = scenario.violations();
+        let violations = scenario.violations_at();
         assert_eq!(violations.len(), 1);
-        assert_eq!(violations[0].at, at_us(from + 140_000), "{ecu:?}");
+        assert_eq!(violations[0].0, from + 140_000, "{ecu:?}");
     }
 }
 

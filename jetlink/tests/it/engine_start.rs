@@ -588,13 +588,14 @@ fn a_start_times_out_exactly_to_the_tick() {
             scenario.pass_us(1);
             let ordered = scenario.telemetry().ordered;
             assert_eq!((ordered.order, ordered.origin), (Order::Standby, Origin::Node));
-            let violations = scenario.violations();
+            let violations = scenario.violations_at();
             assert_eq!(violations.len(), 1, "{ecu:?}");
+            let (at, violation) = violations[0];
             assert_eq!(
-                (violations[0].kind, violations[0].value, violations[0].limit),
+                (violation.kind, violation.value, violation.limit),
                 (LimitKind::StartTimeout, 20_000, 20_000)
             );
-            assert_eq!(violations[0].at, at_us(start + 20 * SECOND));
+            assert_eq!(at, start + 20 * SECOND);
             assert_eq!(scenario.command(run(0)), Err(Rejected::StandbyFirst));
         }
         // The control: it runs in time.
@@ -625,13 +626,10 @@ fn a_start_times_out_after_twice_the_ecus_own_start_up_time() {
     scenario.bench.events();
     scenario.pass_us(1);
     assert_eq!(scenario.order(), Order::Standby);
-    let violations = scenario.violations();
+    let (at, violation) = scenario.violations_at()[0];
     let limit = i32::try_from(twice / 1000).unwrap();
-    assert_eq!(
-        (violations[0].kind, violations[0].value, violations[0].limit),
-        (LimitKind::StartTimeout, limit, limit)
-    );
-    assert_eq!(violations[0].at, at_us(start + twice));
+    assert_eq!((violation.kind, violation.value, violation.limit), (LimitKind::StartTimeout, limit, limit));
+    assert_eq!(at, start + twice);
 }
 
 /// The range of the configured time applies: not shorter than an engine needs to start, and not endless.

@@ -387,10 +387,17 @@ impl Scenario {
     }
 
     pub fn violations(&mut self) -> Vec<LimitViolation> {
+        self.violations_at().into_iter().map(|(_, violation)| violation).collect()
+    }
+
+    /// The same with the times of their events, in us.
+    pub fn violations_at(&mut self) -> Vec<(u64, LimitViolation)> {
         self.bench
-            .event_kinds()
+            .events()
             .into_iter()
-            .filter_map(|event| if let Event::Limit(violation) = event { Some(violation) } else { None })
+            .filter_map(
+                |(at, event)| if let Event::Limit(violation) = event { Some((at, violation)) } else { None },
+            )
             .collect()
     }
 }
