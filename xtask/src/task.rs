@@ -219,6 +219,8 @@ fn flags() -> String {
         "--cfg=sha2_backend_soft=\"compact\"".to_owned(),
         // Functions and constants that are the same to the byte are linked once.
         "-Clink-arg=--icf=all".to_owned(),
+        // What has the same alignment is linked together, with less padding.
+        "-Clink-arg=--sort-section=alignment".to_owned(),
         // At "s" a function of up to 50 of LLVM's units is inlined wherever it is called, at "z" one of 5: docs/size.md has what others gave.
         "-Cllvm-args=-inline-threshold=20".to_owned(),
     ];
