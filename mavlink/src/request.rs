@@ -1,11 +1,12 @@
 //! The rate of `SERVO_OUTPUT_RAW`: requested, measured, and requested again when the autopilot has forgotten it.
 
+use crate::vehicle::COPY;
 use embassy_time::{Duration, Instant};
 
 /// Intervals to request: each when an autopilot denies the previous one. ArduPlane grants 25 ms at 50 Hz.
 const INTERVALS: [Duration; 3] =
     [Duration::from_millis(25), Duration::from_millis(50), Duration::from_millis(100)];
-/// Time between two requests, unless one was denied.
+/// Time between two requests, unless one is denied.
 const AGAIN: Duration = Duration::from_secs(5);
 /// Time over which the rate is measured.
 const MEASURE: Duration = Duration::from_secs(2);
@@ -15,7 +16,10 @@ const MEASURE: Duration = Duration::from_secs(2);
 pub(crate) struct RateRequest {
     /// Place in [`INTERVALS`].
     place: usize,
-    requested: Option<Instant>,
+    /// Time of the next request at the earliest.
+    next: Instant,
+    /// The last one has no answer.
+    pending: bool,
     granted: bool,
     /// Frames since the measurement began.
     frames: u32,
@@ -26,7 +30,7 @@ pub(crate) struct RateRequest {
 
 impl RateRequest {
     pub const fn new(now: Instant) -> Self {
-        Self { place: 0, requested: None, granted: false, frames: 0, since: now, slow: true }
+        Self { place: 0, next: now, pending: false, granted: false, frames: 0, since: now, slow: true }
     }
 
     /// A frame has arrived.
@@ -37,14 +41,15 @@ impl RateRequest {
     /// The autopilot has answered a request.
     pub fn answered(&mut self, now: Instant, accepted: bool) {
         // An answer without a pending request is not for us.
-        if self.granted || self.requested.is_none_or(|at| now >= at + AGAIN) {
+        if !core::mem::take(&mut self.pending) || now >= self.next {
             return;
         }
         if accepted {
             (self.granted, self.frames, self.since, self.slow) = (true, 0, now, false);
         } else if self.place + 1 < INTERVALS.len() {
             self.place += 1;
-            self.requested = None;
+            // A copy of the denial does not answer the next request.
+            self.next = now + COPY;
         }
     }
 
@@ -57,14 +62,14 @@ impl RateRequest {
             (self.frames, self.since) = (0, now);
         }
         let wanted = !self.granted || self.slow;
-        if !received || !wanted || self.requested.is_some_and(|at| now < at + AGAIN) {
+        if !received || !wanted || now < self.next {
             return None;
         }
         if self.granted {
             // It may have restarted, and may now grant what it denied before.
             (self.granted, self.place) = (false, 0);
         }
-        self.requested = Some(now);
+        (self.pending, self.next) = (true, now + AGAIN);
         INTERVALS.get(self.place).copied()
     }
 }
@@ -85,9 +90,12 @@ mod tests {
         assert_eq!(request.due(at(0), false), None, "no autopilot is there");
         assert_eq!(request.due(at(0), true), MS(25));
         assert_eq!(request.due(at(100), true), None);
+        // It comes twice: one step.
         request.answered(at(200), false);
-        assert_eq!(request.due(at(200), true), MS(50));
-        request.answered(at(300), true);
+        assert_eq!(request.due(at(200), true), None);
+        request.answered(at(250), false);
+        assert_eq!(request.due(at(400), true), MS(50));
+        request.answered(at(450), true);
         // 20 a second are granted. 11 a second are enough, 9 are not.
         for second in 0..20 {
             (0..11).for_each(|_| request.frame());

@@ -10,6 +10,8 @@ use embassy_time::{Duration, Instant};
 
 /// Time for which the autopilot has to be the only one until its id is learnt.
 const LEARN: Duration = Duration::from_secs(5);
+/// Longest time after a frame in which its link may deliver it a second time.
+pub(crate) const COPY: Duration = Duration::from_millis(200);
 /// Longest gap between two heartbeats of an autopilot that is received.
 const RECEIVED_WITHIN: Duration = Duration::from_secs(5);
 
@@ -211,6 +213,9 @@ impl Vehicle {
     }
 
     fn own(&mut self, now: Instant, armed: bool) -> Option<VehicleEvent> {
+        if self.same.0 == armed && self.last.is_some_and(|last| now < last + COPY) {
+            return None;
+        }
         let gap = !self.is_received(now);
         self.last = Some(now);
         if gap {

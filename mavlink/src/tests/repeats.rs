@@ -1,4 +1,4 @@
-//! Repeated starts: which command is a repeat of one before it, and what is answered.
+//! Repeated starts: which command is a repeat of one before it, and what is answered. A heartbeat that comes twice.
 
 use super::world::*;
 use crate::dialect::*;
@@ -214,4 +214,32 @@ fn a_start_while_disarmed_is_not_the_same_start_as_one_without_the_bit() {
         let (answer, texts) = world.control(0, &[1.0, 0.0, 0.0, 1.0]).await;
         assert_eq!(answer, ACCEPTED, "{texts}");
     });
+}
+
+/// The control: another heartbeat like it, a second later.
+#[test]
+fn a_heartbeat_that_its_link_delivers_twice_does_not_arm() {
+    for (after, expected) in [(0.0, NOT_NOW), (0.15, NOT_NOW), (1.0, ACCEPTED)] {
+        run(async |world| {
+            world.ready().await;
+            world.plane.armed.set(false);
+            world.pass_s(5.0).await;
+            world.plane.heartbeats.set(false);
+            world.pass_s(1.0).await;
+            let beat = HEARTBEAT_DATA {
+                custom_mode: 0,
+                mavtype: 1,
+                autopilot: 3,
+                base_mode: 1 | MODE_ARMED,
+                system_status: 4,
+                mavlink_version: 3,
+            };
+            world.say(TO_AUTOPILOT, AUTOPILOT, &beat);
+            world.pass_s(after).await;
+            world.say(TO_AUTOPILOT, AUTOPILOT, &beat);
+            world.pass_s(0.2).await;
+            let (answer, texts) = world.control(1, &[1.0]).await;
+            assert_eq!(answer, expected, "after {after} s: {texts}");
+        });
+    }
 }

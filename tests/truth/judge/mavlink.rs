@@ -9,6 +9,8 @@ use sim::turbine::Phase;
 const MAVLINK: usize = 2;
 /// Time after a damaged frame for which other frames may be found late.
 const FOUND_LATE: u64 = 1500 * MS;
+/// Longest time after a heartbeat in which another one like it is its copy.
+const COPY: u64 = 200 * MS;
 /// Interval at which the service checks its engines.
 const TICK: u64 = 60 * MS;
 /// Time for which the same start of the same sender is a repeat.
@@ -65,7 +67,7 @@ impl<'a> Words<'a> {
         let late: Vec<_> = mavlink.damaged.iter().map(|at| (*at, at + 2 * FOUND_LATE)).collect();
         let late = Spans::from(&late);
         let mut ups = resets.iter().map(|(_, up)| *up).peekable();
-        let (mut shown, mut same) = (vec![(0, None)], (false, 0));
+        let (mut shown, mut same, mut counted) = (vec![(0, None)], (false, 0), 0);
         let (mut starts, mut renewed) = (Vec::new(), Vec::new());
         let answered = mavlink.answers.first().map_or(u64::MAX, |answer| answer.at);
         let known = if mavlink.learns { answered } else { 0 };
@@ -77,7 +79,9 @@ impl<'a> Words<'a> {
                 last.clear();
             }
             match *word {
+                Word::Vehicle { armed } if same.1 > 0 && same.0 == armed && *at < counted + COPY => {}
                 Word::Vehicle { armed } => {
+                    counted = *at;
                     same = if same.0 == armed { (armed, same.1 + 1) } else { (armed, 1) };
                     if same.1 >= 2 && shown.last().is_some_and(|(_, before)| *before != Some(armed)) {
                         shown.push((*at, Some(armed)));
@@ -187,7 +191,9 @@ impl<'a> Words<'a> {
         let first = first.clone().find(|received| matches!(received.word, Word::Vehicle { .. }));
         let first = first.map(|received| (received.at, shown)).into_iter();
         let equal = first.chain(heartbeats).take_while(|(_, armed)| *armed == shown);
-        equal.filter(|(when, _)| !self.late.contains(*when)).nth(1).map(|(when, _)| when)
+        let mut equal = equal.map(|(when, _)| when).filter(|when| !self.late.contains(*when));
+        let first = equal.next()?;
+        equal.find(|when| *when >= first + COPY)
     }
 
     /// Whether it may have shown this in a time.

@@ -60,6 +60,8 @@ fn a_start_is_what_somebody_commanded_of_an_armed_vehicle_at_idle() {
     };
     assert!(breaks(&other(3, Word::Station), &COMMANDS), "not commanded");
     assert!(breaks(&other(1, DISARMED), &COMMANDS), "one heartbeat is not armed");
+    let first = |at: f64| [&[(at, ARMED)], &WORDS[1..]].concat();
+    assert!(!breaks(&first(1.8), &COMMANDS) && breaks(&first(1.9), &COMMANDS), "nor is one that comes twice");
     assert!(breaks(&other(2, output(400)), &COMMANDS), "the throttle is up");
     assert!(breaks(&other(2, Word::Station), &COMMANDS), "there is no stream");
     // A frame after the start, among bytes that are read at once (613000062), and one before it.
