@@ -22,7 +22,7 @@ const BURST: Duration = Duration::from_millis(400);
 /// Longest time for which heartbeats and texts that exceed a quarter of the port keep other telemetry from it.
 const DEBT: Duration = Duration::from_secs(5);
 
-/// Time between the named values of two engines.
+/// Time between what two engines send.
 const STAGGER: Duration = Duration::from_millis(130);
 
 /// A port.
@@ -139,7 +139,7 @@ impl Streams {
         // Not all at the same time.
         let offset = STAGGER * (engine as u32 + 1);
         Self {
-            efi: Schedule::new(now),
+            efi: Schedule::new(now + offset),
             values: Schedule::new(now + offset),
             quality: crate::report::LinkQuality::default(),
             sequence: 0,
@@ -255,6 +255,8 @@ impl<const N: usize> Port<N> {
             Class::Answer | Class::Always => QUEUE,
             Class::Requested => REQUESTED_QUEUE,
             Class::Telemetry if self.used_until > now + BURST => 0,
+            // It is empty again before the next check of the engines.
+            Class::Telemetry if self.config.is_wide() => REQUESTED_QUEUE,
             Class::Telemetry => TELEMETRY_QUEUE,
         };
         if self.queue.len() + length > most {

@@ -2,15 +2,29 @@
 
 use super::world::*;
 use crate::dialect::*;
-use crate::frame::encode;
+use crate::frame::{Decoder, encode};
 use crate::ids::*;
 use crate::port::PortConfig;
-use crate::settings::{Identity, NodeSettings};
-use crate::signing::SigningState;
-use embassy_time::{Duration, Instant};
+use crate::service::{EngineParts, Service};
+use crate::settings::{EngineSettings, Identity, NodeSettings};
+use crate::signing::{Key, SigningState, Stamp};
+use bench::rows::{self, simulated};
+use embassy_futures::join::{join, join4};
+use embassy_futures::select::select;
+use embassy_time::{Duration, Instant, Timer};
 use jetlink::command::{Command, Origin};
+use jetlink::config::EngineConfig;
+use jetlink::ecu::amt::codec::EngineModel;
+use jetlink::ecu::zk::codec::Rate;
+use jetlink::line::Line;
+use jetlink::node::Node;
+use jetlink::runner::LineErrors;
+use sim::clock;
+use std::collections::BTreeMap;
 use std::string::{String, ToString};
 use std::vec::Vec;
+
+static ERRORS: LineErrors = LineErrors::new();
 
 /// Rate of a component's messages on a port within the last seconds, per second.
 fn rate(world: &World<'_>, seconds: u64, port: usize, component: u8, what: fn(&MavMessage) -> bool) -> f64 {
@@ -108,6 +122,67 @@ fn the_autopilot_gets_one_engine_and_a_quarter_of_its_port_at_most() {
         assert!((9.5..=10.0).contains(&rate(world, 10, TO_GROUND, ENGINE[0], EFI)));
         assert!(rate(world, 10, TO_GROUND, ENGINE[1], VALUES) > 20.0);
     });
+}
+
+/// Four engines, with all values that either protocol has, on a port that is emptied each millisecond.
+#[test]
+fn a_wide_port_carries_everything_of_four_engines_at_10_hz_also_signed() {
+    for key in [None, Key::new([7; 32])] {
+        clock::reset();
+        let engines = [
+            EngineConfig::amt("left", 0, Line::new(2400), Some(EngineModel::Olympus)),
+            EngineConfig::amt("right", 1, Line::new(2400), Some(EngineModel::Titan)),
+            EngineConfig::zk("centre", 2, Line::new(9600), Rate::Hz20),
+            EngineConfig::zk("booster", 3, Line::new(115_200), Rate::Hz50),
+        ];
+        let node: Node<4> = Node::new(&engines, None).unwrap();
+        let parts = node.owners().into_iter().zip(engines).map(|(owner, config)| EngineParts {
+            source: owner.source(Origin::Mavlink).unwrap(),
+            setup: owner.setup(),
+            config,
+            settings: EngineSettings::DEFAULT,
+        });
+        let identity = Identity { autopilot_port: 0, ..Identity::DEFAULT };
+        let settings = NodeSettings { identity, ..NodeSettings::DEFAULT };
+        let signing = SigningState::new(key, Stamp::new(1000).unwrap());
+        let mut service: Service<'_, 4, 1> =
+            Service::new(Instant::now(), settings, signing, parts, [PortConfig::usb()]);
+        let wires = engines.each_ref().map(|engine| rows::wire(engine, simulated(engine).ecu(), 1));
+        let [(rx0, tx0, p0), (rx1, tx1, p1), (rx2, tx2, p2), (rx3, tx3, p3)] = wires;
+        let [r0, r1, r2, r3] = node.runners();
+        let mut counts = BTreeMap::<(u8, Option<String>), u32>::new();
+        let run = join4(
+            r0.run(rx0, tx0, &ERRORS),
+            r1.run(rx1, tx1, &ERRORS),
+            r2.run(rx2, tx2, &ERRORS),
+            r3.run(rx3, tx3, &ERRORS),
+        );
+        let plugs = join4(p0.run(), p1.run(), p2.run(), p3.run());
+        let scenario = async {
+            let (mut decoder, begin) = (Decoder::new(), Instant::now());
+            while Instant::now() < begin + Duration::from_secs(30) {
+                service.poll(Instant::now());
+                let mut bytes = [0; 1024];
+                let count = service.transmit(0, &mut bytes);
+                let mut bytes = &bytes[..count];
+                while let (taken, Some(frame)) = decoder.receive(key.as_ref(), bytes) {
+                    bytes = &bytes[taken..];
+                    let what = match &frame.message() {
+                        MavMessage::EFI_STATUS(_) => None,
+                        MavMessage::NAMED_VALUE_FLOAT(value) => Some(value.name.to_str().unwrap().into()),
+                        _ => continue,
+                    };
+                    let counts_now = Instant::now() >= begin + Duration::from_secs(20);
+                    *counts.entry((frame.from.component, what)).or_default() += u32::from(counts_now);
+                }
+                Timer::after(Duration::from_millis(1)).await;
+            }
+        };
+        clock::run(select(join(run, plugs), scenario));
+        assert!(counts.len() >= 4 * 3, "{counts:?}");
+        let slow: Vec<_> = counts.iter().filter(|(_, count)| **count < 99).collect();
+        assert!(slow.is_empty(), "within 10 s, signed {}: {slow:?}", key.is_some());
+    }
 }
 
 #[test]
