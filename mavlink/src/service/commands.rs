@@ -162,6 +162,11 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
                 }
                 _ => refuse(Refusal::Malformed("PREFLIGHT_REBOOT_SHUTDOWN: only a reboot, param1 = 1")),
             },
+            (CMD_SET_MESSAGE_INTERVAL | CMD_REQUEST_MESSAGE, Place::Engine(engine))
+                if first == MESSAGE_EFI_STATUS as f32 && !self.sends_efi(port, engine) =>
+            {
+                refuse(Refusal::Malformed("the autopilot mixes up engines: see MAV_EFI_ENGINE"))
+            }
             (CMD_SET_MESSAGE_INTERVAL, _) => self.set_interval(now, port, place, first, second),
             (CMD_REQUEST_MESSAGE, _) => self.request_message(now, port, place, first),
             _ => Ok(Ack::Unsupported),

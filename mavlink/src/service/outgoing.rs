@@ -155,19 +155,24 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         self.first = (self.first + 1) % self.engines.len().max(1);
     }
 
+    /// Whether an engine's `EFI_STATUS` may be sent on a port: the autopilot gets that of one engine.
+    pub(super) fn sends_efi(&self, port: usize, engine: usize) -> bool {
+        match self.settings.efi_engine {
+            _ if self.autopilot_port != Some(port) => true,
+            ALL => true,
+            chosen => usize::from(chosen) == engine + 1,
+        }
+    }
+
     fn send_telemetry(&mut self, now: Instant, port: usize, engine: usize) {
         let to_autopilot = self.autopilot_port == Some(port);
         let settings = &self.settings;
+        let sent = self.sends_efi(port, engine);
         let Some(out) = self.ports.get_mut(port) else { return };
         let wide = out.config.is_wide() && !to_autopilot;
-        let sent = match settings.efi_engine {
-            _ if !to_autopilot => true,
-            ALL => true,
-            chosen => usize::from(chosen) == engine + 1,
-        };
         let every = if wide { WIDE_EVERY } else { settings.efi_interval };
         let Some(streams) = out.streams.get_mut(engine) else { return };
-        let efi = streams.efi.is_due(now, sent.then_some(every));
+        let efi = streams.efi.is_due(now, Some(every)) && sent;
         let values = streams.values.is_due(now, Some(if wide { WIDE_EVERY } else { VALUES_EVERY }));
         if efi {
             self.send_efi(now, port, engine, Class::Telemetry);

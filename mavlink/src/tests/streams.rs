@@ -214,6 +214,31 @@ fn rates_are_per_port_and_a_message_comes_on_request() {
 }
 
 /// The longest interval that fits is 16 s. The control: without another request nothing comes meanwhile.
+/// A ground station behind the autopilot requests what an ArduPilot would mix up. The control: of the engine that `MAV_EFI_ENGINE` has.
+#[test]
+fn no_request_sends_the_autopilot_efi_status_of_another_engine() {
+    run(async |world| {
+        world.ready().await;
+        for (engine, expected) in [(0, ACCEPTED), (1, DENIED)] {
+            for (command, params) in
+                [(CMD_SET_MESSAGE_INTERVAL, [225.0, 200_000.0]), (CMD_REQUEST_MESSAGE, [225.0, 0.0])]
+            {
+                let to = (SYSTEM, ENGINE[engine]);
+                let (answer, texts) = world.command_from(TO_AUTOPILOT, GROUND, to, command, 0, &params).await;
+                assert_eq!(answer, expected, "{command}: {texts}");
+                assert_eq!(texts.contains("MAV_EFI_ENGINE"), engine == 1, "{texts}");
+            }
+        }
+        world.pass_s(10.0).await;
+        let rates = || ENGINE.map(|component| rate(world, 5, TO_AUTOPILOT, component, EFI).round());
+        assert_eq!(rates(), [5.0, 0.0]);
+        // Nor what was requested before the setting changed.
+        assert_eq!(world.set(NODE, "MAV_EFI_ENGINE", 2.0).await.0, Some(2.0));
+        world.pass_s(10.0).await;
+        assert_eq!(rates(), [0.0, 4.0]);
+    });
+}
+
 #[test]
 fn another_interval_counts_at_once_and_so_do_the_defaults_of_another_peer() {
     for what in ["nothing", "an interval", "the default", "another peer"] {
