@@ -172,14 +172,15 @@ impl Settings {
 pub fn load(settings: &mut Settings) {
     static STORE: StaticCell<Store> = StaticCell::new();
     settings.wire();
-    let mut found = Found::Empty;
-    let mut store = None;
-    if let Some(storage) = board::storage() {
-        // It waits for nothing: only writes and erases do.
-        let loaded = block_on(Store::load(storage, &AT_REST, &mut |key, record| settings.apply(key, record)));
-        found = loaded.1;
-        store = Some(STORE.init(loaded.0));
-    }
+    let (store, found) = match board::storage() {
+        Ok(storage) => {
+            // It waits for nothing: only writes and erases do.
+            let apply = &mut |key, record: &[u8]| settings.apply(key, record);
+            let (store, found) = block_on(Store::load(storage, &AT_REST, apply));
+            (Some(STORE.init(store)), found)
+        }
+        Err(found) => (None, found),
+    };
     let stores = store.is_some();
     // Damaged: what is left of them may not be what anybody has chosen.
     if found == Found::Damaged || !stores {

@@ -100,6 +100,17 @@ impl core::fmt::Display for NotUsed {
 
 impl core::error::Error for NotUsed {}
 
+impl NotUsed {
+    /// Whether settings may be in it: a chip that identifies itself as another one has none.
+    pub fn may_have_settings(self) -> bool {
+        match self {
+            // Nobody drives the line.
+            Self::Unknown(id) => id == [0; 9] || id == [0xFF; 9],
+            Self::Bus | Self::Protected => true,
+        }
+    }
+}
+
 /// Recognises the chip. A chip that has just been powered up may need some time before it answers.
 ///
 /// # Errors

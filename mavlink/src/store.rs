@@ -113,6 +113,8 @@ struct Guard<'a, F> {
     only: Option<u32>,
     /// Number of reads since other tasks could run.
     reads: u8,
+    /// A read has succeeded.
+    readable: bool,
 }
 
 /// What [`Guard`] reports.
@@ -151,6 +153,8 @@ impl<F: Flash> ReadNorFlash for Guard<'_, F> {
             bytes.fill(0xFF);
         } else if self.flash.read(self.place(at), bytes).await.is_err() {
             bytes.fill(0);
+        } else {
+            self.readable = true;
         }
         Ok(())
     }
@@ -310,7 +314,7 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
     /// Reads the memory; `each` gets the newest record of each key, the node's first: an engine's wiring decides whether its own record
     /// applies. Nothing is written or erased.
     pub async fn load(flash: F, at_rest: &'a AtRest, each: &mut dyn FnMut(u8, &[u8])) -> (Self, Found) {
-        let guard = Guard { flash, at_rest, swapped: false, only: None, reads: 0 };
+        let guard = Guard { flash, at_rest, swapped: false, only: None, reads: 0, readable: false };
         let map = MapStorage::new(guard, Self::CONFIG, Cache::new_uncached());
         let mut store =
             Self { map, at_rest, chain: Chain::default(), rewriting: false, sector: 0, space: None };
@@ -354,9 +358,9 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         if self.chain.is_whole() {
             return Found::Whole;
         }
-        // Our data may be unreadable: the sector begins with the mark, is not all zeros, and holds more than a first record, which a power
+        // Our data may be unreadable: nothing can be read, or the sector begins with the mark, is not all zeros, and holds more than a first record, which a power
         // cut may have torn.
-        let mut ours = !self.chain.newest.is_empty();
+        let mut ours = !self.chain.newest.is_empty() || !self.map.flash().readable;
         for sector in 0..2 {
             let mut mark = [0; WORD];
             // An unreadable word reads as the mark.

@@ -7,6 +7,7 @@ use embassy_stm32::spi::{self, Instance, MisoPin, MosiPin, SckPin, Spi};
 use embassy_stm32::{Peri, time::mhz};
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use jetlink_mavlink::fram::{Fram, NotUsed, identify};
+use jetlink_mavlink::store::Found;
 
 /// Time for the supply of the chip, which a reset turns off, to rise, and for the chip to start (FM25V01A: 250 µs), in ms.
 const STARTS_WITHIN: u32 = 10;
@@ -14,31 +15,29 @@ const STARTS_WITHIN: u32 = 10;
 /// The storage of the settings.
 pub type Storage = Fram<Device>;
 
-/// The storage in an F-RAM; `None` if its chip is not known, or there is none.
-pub fn storage_in(mut device: Device) -> Option<Storage> {
+/// The storage in an F-RAM.
+///
+/// # Errors
+/// Damaged if its chip does not answer or cannot be used: settings may be in it. Empty if it is not known.
+pub fn storage_in(mut device: Device) -> Result<Storage, Found> {
     let mut tries = 0;
     while identify(&mut device).is_err() && tries < STARTS_WITHIN {
         tries += 1;
         cortex_m::asm::delay(chip::core_hz() / 1000);
     }
-    match Fram::find(device) {
+    let why = match Fram::find(device) {
         Ok((fram, chip)) => {
             defmt::info!("settings: in an F-RAM of {=u16} KiB", chip.kib);
-            Some(fram)
+            return Ok(fram);
         }
-        Err(NotUsed::Unknown(id)) => {
-            defmt::warn!("settings: unknown F-RAM, ID {=[u8]:02x}", id);
-            None
-        }
-        Err(NotUsed::Protected) => {
-            defmt::warn!("settings: F-RAM write-protected by its pin");
-            None
-        }
-        Err(NotUsed::Bus) => {
-            defmt::warn!("settings: F-RAM bus error");
-            None
-        }
+        Err(why) => why,
+    };
+    match why {
+        NotUsed::Unknown(id) => defmt::warn!("settings: unknown F-RAM, ID {=[u8]:02x}", id),
+        NotUsed::Protected => defmt::warn!("settings: F-RAM write-protected by its pin"),
+        NotUsed::Bus => defmt::warn!("settings: F-RAM bus error"),
     }
+    Err(if why.may_have_settings() { Found::Damaged } else { Found::Empty })
 }
 
 /// The bus with the chip, which nothing else uses, and the pin that selects it.

@@ -1,14 +1,15 @@
 //! Boards whose settings do not stay.
 
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
+use jetlink_mavlink::store::Found;
 
 /// There is none.
 #[derive(Debug)]
 pub enum Storage {}
 
 /// There is none.
-pub fn storage() -> Option<Storage> {
-    None
+pub fn storage() -> Result<Storage, Found> {
+    Err(Found::Empty)
 }
 
 impl ErrorType for Storage {

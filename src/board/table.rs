@@ -204,8 +204,8 @@ macro_rules! board {
         }
 
         $(
-            /// The storage in its F-RAM; `None` if its chip is not known, or there is none. Call it once.
-            pub fn storage() -> Option<super::fram::Storage> {
+            /// The storage in its F-RAM; without it what that means for the settings. Call it once.
+            pub fn storage() -> Result<super::fram::Storage, jetlink_mavlink::store::Found> {
                 use embassy_stm32::peripherals;
                 // SAFETY: called once, and `init` takes all of these: nothing else uses them.
                 let device = unsafe {

@@ -226,7 +226,9 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         match (service, place) {
             (NodeService::EmergencyStop, _) => self.emergency_stop(now, place),
             #[cfg(feature = "signing")]
-            (NodeService::ConfirmSettings, Place::Node) => done(self.confirm_settings(self.is_usb(port))),
+            (NodeService::ConfirmSettings, Place::Node) => {
+                done(self.confirm_settings(now, self.is_usb(port)))
+            }
             // If they are damaged, it has been refused: nobody is known to be at the board.
             #[cfg(not(feature = "signing"))]
             (NodeService::ConfirmSettings, _) => Ok(Ack::Unsupported),

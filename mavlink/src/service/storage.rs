@@ -91,9 +91,9 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         (self.image, self.contradiction) = (image, contradiction);
     }
 
-    /// Confirms the current settings: all are stored again, and count as damaged until they are.
+    /// Confirms the current settings: all are stored again, and count as damaged until they are; at once where none are stored.
     #[cfg(feature = "signing")]
-    pub(super) fn confirm_settings(&mut self, at_board: bool) -> Result<(), Refusal> {
+    pub(super) fn confirm_settings(&mut self, now: Instant, at_board: bool) -> Result<(), Refusal> {
         if !self.has_to_be_confirmed() {
             return Err(Refusal::NotDamaged);
         }
@@ -106,6 +106,12 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         }
         if self.confirming {
             return Err(Refusal::StoreBusy);
+        }
+        if self.storage == ParameterStorage::Lost {
+            self.set_damaged(false);
+            let text = Verbatim("settings confirmed until the power is lost");
+            self.say(now, Place::Node, Severity::Notice, None, format_args!("{text}"));
+            return Ok(());
         }
         (self.rewrite, self.confirming) = (true, true);
         Ok(())

@@ -143,6 +143,25 @@ fn a_person_at_the_board_sets_and_confirms() {
     });
 }
 
+/// Its memory does not answer: a person confirms each time.
+#[cfg(feature = "signing")]
+#[test]
+fn without_a_memory_a_person_confirms_until_the_power_is_lost() {
+    run(async |world| {
+        world.ready().await;
+        world.service.borrow_mut().set_parameter_storage(ParameterStorage::Lost);
+        world.service.borrow_mut().set_damaged(true);
+        let away = world.command_from(TO_AUTOPILOT, GROUND, (SYSTEM, NODE), CMD_USER_1, 0, CONFIRM).await;
+        assert!(away.0 == NOT_NOW && world.service.borrow().is_damaged(), "{away:?}");
+        assert!(world.control(0, &[1.0]).await.1.contains("damaged"));
+        let (answer, text) = world.command(NODE, CMD_USER_1, CONFIRM).await;
+        assert!(answer == ACCEPTED && text.contains("confirmed until the power is lost"), "{text}");
+        assert!(!world.service.borrow_mut().take_rewrite() && world.service.borrow().is_saved());
+        world.pass_s(6.0).await;
+        world.start(0).await;
+    });
+}
+
 /// The id of the vehicle was learnt, and is lost with the settings: the node knows no system that a message may address.
 #[test]
 fn a_stop_counts_though_the_id_of_the_vehicle_is_lost() {

@@ -21,6 +21,8 @@ struct Mock {
     locked: bool,
     /// It ignores writes: bytes read back unchanged.
     stuck: bool,
+    /// Reads of its memory fail.
+    unreadable: bool,
     /// Bytes that are written until the power fails.
     left: Option<usize>,
     written: usize,
@@ -41,6 +43,7 @@ impl Mock {
             enabled: false,
             locked: false,
             stuck: false,
+            unreadable: false,
             left: None,
             written: 0,
             read: 0,
@@ -72,6 +75,7 @@ impl Mock {
             0x9F => {
                 return Ok(self.id.iter().copied().chain(core::iter::repeat(0xFF)).take(wanted).collect());
             }
+            0x03 if self.unreadable => return Err(ErrorKind::Other),
             0x03 => {
                 let (at, _) = address(rest);
                 self.read += wanted;
@@ -153,12 +157,16 @@ fn an_unknown_or_missing_chip_is_not_used() {
     let good = Mock::new(CHIPS[3]);
     for id in [[0xFF; 9], [0; 9], [0x7F, 0x7F, 0x7F, 0x7F, 0x7F, 0x7F, 0xC2, 0x2A, 0x08]] {
         let mock = Mock { id: id.to_vec(), ..good.clone() };
-        assert_eq!(Fram::find(mock).err(), Some(NotUsed::Unknown(id)));
+        let why = Fram::find(mock).err();
+        assert_eq!(why, Some(NotUsed::Unknown(id)));
+        // Without an answer nobody knows whether there are settings in it.
+        assert_eq!(why.map(NotUsed::may_have_settings), Some(id == [id[0]; 9]), "{id:02x?}");
     }
     // A product of one manufacturer is not one of the other.
     let mock = Mock { id: std::vec![0x04, 0x7F, 0x22, 0x08], ..good.clone() };
     assert!(matches!(Fram::find(mock).err(), Some(NotUsed::Unknown(_))));
     assert_eq!(Fram::find(Mock { left: Some(0), ..good }).err(), Some(NotUsed::Bus));
+    assert!(NotUsed::Bus.may_have_settings() && NotUsed::Protected.may_have_settings());
 }
 
 #[test]
@@ -240,6 +248,23 @@ fn after_a_power_cut_at_any_byte_no_record_is_lost_or_old() {
         }
         let (_, found, now) = load(store.into_flash().into_device(), &at_rest);
         assert_eq!((found, now.get(&1)), (Found::Whole, Some(&b"later".to_vec())), "cut at byte {cut}");
+    }
+}
+
+#[test]
+fn a_chip_of_which_no_read_succeeds_is_damaged() {
+    let at_rest = AtRest::new();
+    at_rest.set(true);
+    for chip in some() {
+        let (mut store, ..) = load(Mock::new(chip), &at_rest);
+        rewrite(&mut store, &Records::from([(0, b"mine".to_vec())])).unwrap();
+        let mock = store.into_flash().into_device();
+        for (mock, found) in [(Mock::new(chip), Found::Empty), (mock, Found::Whole)] {
+            assert_eq!(load(mock.clone(), &at_rest).1, found);
+            let (mut store, found, _) = load(Mock { unreadable: true, ..mock }, &at_rest);
+            assert_eq!(found, Found::Damaged);
+            assert_eq!(block_on(store.save(0, b"new")), Err(NotSaved::Failed));
+        }
     }
 }
 

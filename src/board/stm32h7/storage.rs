@@ -10,6 +10,7 @@ use cortex_m::peripheral::SCB;
 use embassy_stm32::flash::{Async, Flash, InterruptHandler};
 use embassy_stm32::{bind_interrupts, pac, peripherals};
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
+use jetlink_mavlink::store::Found;
 
 bind_interrupts!(struct Irqs {
     FLASH => InterruptHandler;
@@ -35,10 +36,10 @@ impl core::fmt::Debug for Storage {
 }
 
 /// The storage of this board. Call it once.
-pub fn storage() -> Option<Storage> {
+pub fn storage() -> Result<Storage, Found> {
     // SAFETY: called once, and nothing else uses the flash's registers.
     let flash = unsafe { peripherals::FLASH::steal() };
-    Some(Storage(Flash::new(flash, Irqs)))
+    Ok(Storage(Flash::new(flash, Irqs)))
 }
 
 /// Clears the flags of bank 2. True: there was an error that no checksum corrects.
