@@ -290,6 +290,12 @@ impl Signing {
         }
     }
 
+    /// Whether there was a state at the start: one without a key has a stamp as well.
+    #[cfg(feature = "signing")]
+    pub fn was_retained(&self) -> bool {
+        self.floor > Stamp::ZERO
+    }
+
     /// Whether a frame that acts is too new to have been obeyed before the start.
     #[cfg(feature = "signing")]
     pub fn is_new(&self, stamp: Stamp) -> bool {

@@ -35,9 +35,13 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
     }
 
     /// Reports that the stored settings are damaged, and that those retained in RAM over the reset apply: everything is obeyed. They are stored
-    /// again when a person confirms them.
+    /// again when a person confirms them. Where nothing of signing was retained with them, it is unknown whether there was a key: they stay damaged.
     pub fn set_retained(&mut self) {
         self.set_damaged(true);
+        #[cfg(feature = "signing")]
+        if !self.signing.was_retained() {
+            return;
+        }
         self.are_retained = true;
         self.attached.set_damaged(false);
     }

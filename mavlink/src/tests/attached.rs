@@ -4,6 +4,8 @@ use super::world::*;
 use crate::attached::{Attached, Change, Channels, NodeStreams, Outputs};
 use crate::dialect::*;
 use crate::ids::{CMD_REQUEST_MESSAGE, CMD_SET_MESSAGE_INTERVAL};
+#[cfg(feature = "signing")]
+use crate::port::PortConfig;
 use crate::record;
 use crate::refusal::Refusal;
 use crate::retained_settings::{AttachedDefaults, Defaults, fingerprint};
@@ -298,7 +300,7 @@ fn a_calibration_of_the_stick_sets_its_end_points() {
 #[cfg(feature = "signing")]
 #[test]
 fn damaged_settings_are_known_to_what_is_attached_until_they_are_confirmed() {
-    run(async |world| {
+    run_signed(NodeSettings::DEFAULT, no_key(), PortConfig::usb(), async |world| {
         world.ready().await;
         world.service.borrow_mut().set_damaged(true);
         assert!(world.toy.damaged.get());

@@ -260,10 +260,23 @@ fn damage_is_reported_on_every_port_until_it_is_confirmed() {
     });
 }
 
+/// After a reset in flight RAM has the settings, but not whether frames have to be signed.
+#[cfg(feature = "signing")]
+#[test]
+fn retained_settings_do_not_count_while_it_is_unknown_whether_there_was_a_key() {
+    let key = SigningState::new(Key::new([7; 32]), Stamp::new(1000).unwrap());
+    for (signing, obeys) in [(SigningState::NONE, false), (no_key(), true), (key, true)] {
+        let mut service: Service<'_, 1, 1> =
+            Service::new(Instant::now(), known(), signing, [], [PortConfig::network()]);
+        service.set_retained();
+        assert_eq!((service.is_damaged(), service.has_to_be_confirmed()), (!obeys, true));
+    }
+}
+
 /// After a reset in flight RAM has the settings: everything continues, and a person confirms them later, over USB.
 #[test]
 fn settings_that_ram_has_retained_count_as_before() {
-    run(async |world| {
+    run_signed(NodeSettings::DEFAULT, no_key(), PortConfig::usb(), async |world| {
         world.ready().await;
         let engines: Vec<_> = world.service.borrow().engine_settings().map(|(config, _)| *config).collect();
         assert_eq!(world.set(ENGINE[1], "LOSS_HOLD", 500.0).await.0, Some(500.0));

@@ -539,6 +539,11 @@ async fn fly(node: &Node<2>) {
     }
 }
 
+/// RAM that was retained over a reset has no key: there was none.
+pub fn no_key() -> SigningState {
+    SigningState::new(None, Stamp::new(1000).unwrap())
+}
+
 /// Runs a scenario.
 pub fn run(scenario: impl AsyncFnOnce(&World<'_>)) {
     run_with(NodeSettings::DEFAULT, scenario);
