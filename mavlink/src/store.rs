@@ -532,6 +532,11 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         self.rewriting = false;
     }
 
+    /// Keys of the records, also of those of another image.
+    pub fn keys(&self) -> impl Iterator<Item = u8> {
+        self.chain.newest.iter().map(|newest| newest.key)
+    }
+
     /// Gives the memory back.
     pub fn into_flash(self) -> F {
         self.map.destroy().0.flash

@@ -172,13 +172,26 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         false
     }
 
-    /// Whether all records may be stored again because the memory does not accept one: that ends damage, which only a person does.
-    pub fn may_rewrite(&self) -> bool {
+    /// Whether all records may be stored again because the memory does not accept one. That ends damage, which only a person does, and drops the
+    /// records of another image, such as the key, so there may be none among these `keys`.
+    pub fn may_rewrite(&self, mut keys: impl Iterator<Item = u8>) -> bool {
         #[cfg(feature = "signing")]
         if self.confirming {
             return true;
         }
-        !self.damaged
+        !self.damaged && keys.all(|key| self.has_record(key))
+    }
+
+    /// Whether a record of this key is stored.
+    fn has_record(&self, key: u8) -> bool {
+        let engines = self.engines.len();
+        #[cfg(feature = "signing")]
+        if key == record::SIGNING_KEY {
+            return true;
+        }
+        usize::from(key) <= engines
+            || !self.attached.rows().is_empty()
+                && record::engine_of_attached(key).is_some_and(|engine| engine < engines)
     }
 
     /// The next record to store, with its key. [`Service::saved`] has to follow.

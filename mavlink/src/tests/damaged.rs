@@ -429,3 +429,37 @@ fn nothing_that_the_node_stores_by_itself_confirms_the_settings() {
         assert_eq!(next_start(mock, None, confirms), Found::Whole, "a person");
     }
 }
+
+/// An image without USB does not know the record of the key; this one knows no attached devices.
+#[cfg(feature = "signing")]
+#[test]
+fn a_memory_with_a_record_of_another_image_is_not_rewritten() {
+    for other in [None, Some(0x85)] {
+        sim::clock::reset();
+        let at_rest = AtRest::new();
+        at_rest.set(true);
+        let (mut store, ..) = load(Mock::new(&at_rest), &at_rest);
+        for key in [Some(0), other].into_iter().flatten() {
+            block_on(store.save(key, &[1; 40])).unwrap();
+        }
+        let mut mock = store.into_flash();
+        let used = mock.words.iter().rposition(|&word| word != Word::Holds([0xFF; 32])).unwrap();
+        // The next record meets a word that is not empty.
+        mock.words[used + 2] = Word::Torn;
+        let (mut store, ..) = load(mock, &at_rest);
+        let now = Instant::now();
+        let mut service: Service<'_, 1, 1> =
+            Service::new(now, NodeSettings::DEFAULT, SigningState::NONE, [], [PortConfig::uart(57_600)]);
+        service.set_parameter_storage(ParameterStorage::Stored);
+        let beat = HEARTBEAT_DATA { mavtype: 1, autopilot: 3, mavlink_version: 3, ..Default::default() };
+        for second in 0..7 {
+            service.receive(now + Duration::from_secs(second), 0, &encode(AUTOPILOT, 0, &beat));
+        }
+        assert!(!service.is_saved(), "the id is learnt");
+        let runner = Runner::new(service);
+        sim::clock::run(select(runner.store_settings(&mut store, &at_rest), Timer::after_secs(8)));
+        let (_, found, records) = load(store.into_flash(), &at_rest);
+        assert_eq!((found, records.contains_key(&0x85)), (Found::Whole, other.is_some()));
+        assert_eq!(records[&0] != [1; 40], other.is_none(), "stored where nothing is lost by it");
+    }
+}
