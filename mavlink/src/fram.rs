@@ -101,13 +101,9 @@ impl core::fmt::Display for NotUsed {
 impl core::error::Error for NotUsed {}
 
 impl NotUsed {
-    /// Whether settings may be in it: a chip that identifies itself as another one has none.
-    pub fn may_have_settings(self) -> bool {
-        match self {
-            // Nobody drives the line.
-            Self::Unknown(id) => id == [0; 9] || id == [0xFF; 9],
-            Self::Bus | Self::Protected => true,
-        }
+    /// Whether settings may be in it: a chip that identifies itself as another one has none, and none may be there at all.
+    pub const fn may_have_settings(self) -> bool {
+        matches!(self, Self::Bus | Self::Protected)
     }
 }
 

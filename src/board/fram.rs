@@ -18,7 +18,7 @@ pub type Storage = Fram<Device>;
 /// The storage in an F-RAM.
 ///
 /// # Errors
-/// Damaged if its chip does not answer or cannot be used: settings may be in it. Empty if it is not known.
+/// Damaged if its chip cannot be used: settings may be in it. Empty if it is not known, or does not answer: there may be none.
 pub fn storage_in(mut device: Device) -> Result<Storage, Found> {
     let mut tries = 0;
     while identify(&mut device).is_err() && tries < STARTS_WITHIN {

@@ -677,49 +677,39 @@ fn without_a_known_fram_a_text_says_that_a_setting_is_not_stored() {
     on_boards(
         |board| board.fram.is_some(),
         |board| {
-            let script = vec![
-                (8 * SECOND, set(LEFT, "LOSS_HOLD", 2345.0)),
-                (17 * SECOND, read(LEFT, "LOSS_HOLD")),
-            ];
-            let fram = Fram::fm25v01a().with_id(unknown);
-            let run = with_fram(board, Some(fram), script).with_errors().resets(1);
-            let report =
-                run.at(9 * SECOND + SECOND / 2, |bench| bench.press_reset()).until(18 * SECOND).go();
-            let client: &Client = report.ecu(board.telemetry.name);
-            let texts = format!("{}: {:#?}\n{}", board.name, client.texts(), report.log_text());
-            assert!(report.logged("settings: unknown F-RAM"), "{texts}");
-            assert!(report.logged("7f, 7f, 7f, 7f, 7f, 7f, c2, 2a, 08"), "{texts}");
-            assert!(client.texts().iter().any(|text| text.contains("LOSS_HOLD is not stored")), "{texts}");
-            let values: Vec<_> =
-                client.of(LEFT, PARAM_VALUE).map(|it| (it.at > 17 * SECOND, it.float(0))).collect();
-            assert_eq!(values, [(false, 2345.0), (true, 2345.0)], "{texts}");
-            assert!(
-                report
-                    .logged("settings: no storage on this board, using the values retained over the reset"),
-                "{texts}"
-            );
-            let vehicle = report.lines("MAVLink: the vehicle is system").next_back().map(|line| line.at);
-            assert!(vehicle.is_some_and(|at| at < 11 * SECOND), "the id is known at once; {texts}");
-            // An unknown chip is not written.
-            assert_eq!(report.fram.map(|fram| (fram.written, fram.ignored.len())), Some((0, 0)));
-        },
-    );
-}
-
-/// Settings may be in it.
-#[test]
-fn without_an_answer_of_the_fram_the_settings_count_as_damaged() {
-    on_boards(
-        |board| board.fram.is_some(),
-        |board| {
-            let script = vec![(8 * SECOND, set(LEFT, "LOSS_HOLD", 2345.0))];
-            let report = with_fram(board, None, script).with_errors().until(11 * SECOND).go();
-            let client: &Client = report.ecu(board.telemetry.name);
-            let texts = format!("{}: {:#?}\n{}", board.name, client.texts(), report.log_text());
-            assert!(report.logged("settings: unknown F-RAM"), "{texts}");
-            assert!(report.logged("settings: DAMAGED, using defaults"), "{texts}");
-            for text in ["settings DAMAGED: only stops are obeyed", "LOSS_HOLD not set"] {
-                assert!(client.texts().iter().any(|it| it.contains(text)), "{texts}");
+            for fram in [None, Some(Fram::fm25v01a().with_id(unknown))] {
+                let is_there = fram.is_some();
+                let script = vec![
+                    (8 * SECOND, set(LEFT, "LOSS_HOLD", 2345.0)),
+                    (17 * SECOND, read(LEFT, "LOSS_HOLD")),
+                ];
+                let run = with_fram(board, fram, script).with_errors().resets(1);
+                let report =
+                    run.at(9 * SECOND + SECOND / 2, |bench| bench.press_reset()).until(18 * SECOND).go();
+                let client: &Client = report.ecu(board.telemetry.name);
+                let texts = format!("{}: {:#?}\n{}", board.name, client.texts(), report.log_text());
+                assert!(report.logged("settings: unknown F-RAM"), "{texts}");
+                assert_eq!(report.logged("7f, 7f, 7f, 7f, 7f, 7f, c2, 2a, 08"), is_there, "{texts}");
+                assert!(
+                    client.texts().iter().any(|text| text.contains("LOSS_HOLD is not stored")),
+                    "{texts}"
+                );
+                let values: Vec<_> =
+                    client.of(LEFT, PARAM_VALUE).map(|it| (it.at > 17 * SECOND, it.float(0))).collect();
+                assert_eq!(values, [(false, 2345.0), (true, 2345.0)], "{texts}");
+                assert!(
+                    report.logged(
+                        "settings: no storage on this board, using the values retained over the reset"
+                    ),
+                    "{texts}"
+                );
+                let vehicle = report.lines("MAVLink: the vehicle is system").next_back().map(|line| line.at);
+                assert!(vehicle.is_some_and(|at| at < 11 * SECOND), "the id is known at once; {texts}");
+                // An unknown chip is not written.
+                assert_eq!(
+                    report.fram.map(|fram| (fram.written, fram.ignored.len())),
+                    is_there.then_some((0, 0))
+                );
             }
         },
     );

@@ -5,7 +5,7 @@ use super::exhaust::Exhaust;
 use super::life::{Finding, Life};
 use super::limits::LimitMonitor;
 use super::origins::Origins;
-use super::retained::RetainedState;
+use super::retained::{RetainedState, WORDS as RETAINED_WORDS};
 use super::run::Run;
 use super::sources::Sources;
 use crate::command::{Order, Ordered, Origin, Rejected};
@@ -129,7 +129,7 @@ pub struct Engine {
     pub(super) started: Instant,
     /// State that survived the reset, until the engine begins.
     pub(super) retained: Option<RetainedState>,
-    pub(super) last_retained: Option<RetainedState>,
+    pub(super) last_retained: [u32; RETAINED_WORDS],
     /// Active source that was last reported.
     pub(super) reported_source: Option<Origin>,
     /// A clamped demand was reported.
@@ -190,7 +190,7 @@ impl Engine {
             begun: false,
             started: Instant::MIN,
             retained: None,
-            last_retained: None,
+            last_retained: [0; RETAINED_WORDS],
             reported_source: None,
             clamp_reported: false,
             not_obeyed_since: None,

@@ -33,7 +33,7 @@ impl Engine {
         self.must_disarm = Origins::from_bits(retained.must_disarm);
         // This reset is counted until a source is received.
         self.resets = retained.resets.saturating_add(1);
-        self.last_retained = Some(retained);
+        self.last_retained = retained.packed();
         self.retained = Some(retained);
         self.link.restore(retained.link);
         if retained.egt_distrusted {
@@ -134,7 +134,8 @@ impl Engine {
             return None;
         }
         let record = self.record();
-        (self.last_retained.replace(record) != Some(record)).then_some(record)
+        let packed = record.packed();
+        (core::mem::replace(&mut self.last_retained, packed) != packed).then_some(record)
     }
 
     /// The state to retain.

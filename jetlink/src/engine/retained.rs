@@ -13,7 +13,7 @@ use embassy_time::Duration;
 
 /// Layout number. Change it with the layout, so that the record of an older firmware is discarded.
 const LAYOUT: u32 = 0x4A4C_0009;
-const WORDS: usize = 5;
+pub(super) const WORDS: usize = 5;
 /// Position of the fingerprint.
 const FINGERPRINT: usize = 2;
 /// Resolution of a retained silence, 20 ms, so that a record does not change with every frame.
@@ -190,6 +190,11 @@ impl RetainedState {
         }
     }
 
+    /// The words of this state in memory, without the fingerprint. No state gives zeros only.
+    pub(super) fn packed(&self) -> [u32; WORDS] {
+        pack(self, 0)
+    }
+
     /// A time, rounded down to retained steps.
     pub(super) fn steps(time: Duration) -> Duration {
         SILENCE_STEP * steps(time, SILENCE_STEP)
@@ -286,6 +291,7 @@ impl ShortTime {
     }
 }
 
+#[inline(never)]
 fn pack(record: &RetainedState, fingerprint: u32) -> [u32; WORDS] {
     let (order, value) = match record.order {
         Order::EmergencyStop => (1, 0),
