@@ -487,7 +487,10 @@ impl Case<'_> {
         let fall = 1000 * SECOND / u64::from(rules.ramp.min(rules.slew_down.unwrap_or(rules.ramp)).max(1));
         let start = since.saturating_sub(60 * SECOND);
         let high = self.high[..self.high.partition_point(|high| *high <= at)].last();
-        let start = high.map_or(start, |high| start.max(high.saturating_sub(fall + 3 * SECOND)));
+        // Of a demand that the node could not lower meanwhile, the fall comes later.
+        let hidden = |high: u64| self.blind.within(high.saturating_sub(60 * SECOND), high);
+        let start =
+            high.map_or(start, |high| start.max(high.saturating_sub(fall + 3 * SECOND + hidden(*high))));
         let ran = h.samples(start, at);
         // Noise may forge two consistent values.
         let noise = h.noise.touches(start, at);

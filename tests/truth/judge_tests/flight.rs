@@ -470,6 +470,29 @@ fn noise_before_a_flight_explains_no_demand_that_is_held_low_later() {
     story(40, 50.0).breaks(&[Rule::HeldDown]);
 }
 
+/// A fault whose limit lowers the demand counts, however long the wire from the ECU is cut after it (836001383).
+#[test]
+fn a_gap_after_a_fault_delays_the_fall_of_the_demand() {
+    let story = |cut: bool| {
+        flight(ZK5, 52.0)
+            .streams(PILOT, 52.0, 75.0, PilotCommand::Run(Demanded::Throttle(500)))
+            .ramp(52.0, 500, 0)
+            .wire(53.1, 75.0, IDLE)
+            .turbine(52.0, 75.0, Phase::Running, 60_000.0, 500.0)
+            .with(|h| {
+                h.rules.limit_fault = Some(false);
+                let fault = 44 * SECOND..45 * SECOND;
+                h.samples.iter_mut().filter(|sample| fault.contains(&sample.at)).for_each(|s| s.fault = true);
+                if cut {
+                    h.mute = Spans::from(&[(45 * SECOND, 52 * SECOND)]);
+                    h.frames.retain(|frame| !(45 * SECOND..52 * SECOND).contains(&frame.at));
+                }
+            })
+            .finds(Rule::HeldDown)
+    };
+    assert_eq!([story(true), story(false)], [false, true]);
+}
+
 /// A flame-out exceeds a limit of how values change. The ECU relights the engine in the same life, and the limit holds until
 /// standby.
 #[test]
