@@ -205,8 +205,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Runner<'a, N, P, A> {
                 };
                 if place.is_none() && !begins {
                     requested = true;
-                    let may_rewrite = self.service.borrow().may_rewrite(store.keys());
-                    if result == Err(NotSaved::Failed) && may_rewrite {
+                    if result == Err(NotSaved::Failed) && self.service.borrow().may_rewrite(store.keys()) {
                         rewrite = true;
                         continue;
                     }

@@ -358,8 +358,8 @@ impl<'a, F: Flash, const KEYS: usize> Store<'a, F, KEYS> {
         if self.chain.is_whole() {
             return Found::Whole;
         }
-        // Our data may be unreadable: nothing can be read, or the sector begins with the mark, is not all zeros, and holds more than a first record, which a power
-        // cut may have torn.
+        // Our data may be unreadable: nothing can be read, or the sector begins with the mark, is not all zeros, and holds more than a first record,
+        // which a power cut may have torn.
         let mut ours = !self.chain.newest.is_empty() || !self.map.flash().readable;
         for sector in 0..2 {
             let mut mark = [0; WORD];

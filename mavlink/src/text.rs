@@ -84,10 +84,12 @@ impl Limiter {
     /// likes.
     pub fn allows(&mut self, now: Instant, answers: bool) -> bool {
         self.refill(now);
-        let allowed = self.left > if answers { EVENTS } else { 0 };
-        let count = if allowed { &mut self.left } else { &mut self.lost };
-        *count = if allowed { count.wrapping_sub(1) } else { count.wrapping_add(1) };
-        allowed
+        if self.left <= if answers { EVENTS } else { 0 } {
+            self.lost = self.lost.wrapping_add(1);
+            return false;
+        }
+        self.left = self.left.saturating_sub(1);
+        true
     }
 
     /// Number of lost texts, once it is worth a text of its own.

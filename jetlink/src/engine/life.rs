@@ -157,14 +157,13 @@ impl Life {
 
     /// A life found after a reset, by the exhaust alone: in doubt until two reports confirm it.
     pub const fn found_burning(now: Instant) -> Self {
-        let doubt = Doubt { burned: true, ..Doubt::after_reset(now) };
-        Self { doubt: Some(doubt), answers: false, ..Self::found_running() }
+        Self::doubted(Doubt { burned: true, ..Doubt::after_reset(now) })
     }
 
     /// A life after a reset of the node with a hand-over to PWM in force: in doubt until two reports confirm it. `ran`: it reached
     /// running before.
     pub const fn handed_over(now: Instant, ran: bool) -> Self {
-        Self { ran, doubt: Some(Doubt::after_reset(now)), answers: false, ..Self::found_running() }
+        Self { ran, ..Self::doubted(Doubt::after_reset(now)) }
     }
 
     /// A life after a reset of the node with a run in force: in doubt until two reports confirm it, with what the record has of an earlier doubt.
@@ -177,7 +176,12 @@ impl Life {
         if record.exhaust_ignored {
             doubt.withheld = Consecutive::AGREE;
         }
-        Self { doubt: Some(doubt), ..Self::handed_over(now, true) }
+        Self::doubted(doubt)
+    }
+
+    /// A life of a running engine with this doubt.
+    const fn doubted(doubt: Doubt) -> Self {
+        Self { doubt: Some(doubt), answers: false, ..Self::found_running() }
     }
 
     /// Whether the engine has reached running in this life.

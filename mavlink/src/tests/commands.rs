@@ -463,13 +463,7 @@ fn a_stop_after_the_rest_of_a_damaged_frame_acts_within_a_second() {
         // The first bytes of a frame of 280 bytes: everything after them may belong to it.
         world.say_bytes(TO_GROUND, &[0xFD, 255, 0, 0, 0, 255, 190, 0, 0, 0]);
         world.pass_s(0.1).await;
-        let stop = COMMAND_LONG_DATA {
-            command: CMD_DO_ENGINE_CONTROL,
-            target_system: SYSTEM,
-            target_component: ENGINE[1],
-            ..Default::default()
-        };
-        world.say(TO_GROUND, GROUND, &stop);
+        world.say(TO_GROUND, GROUND, &stop_command(1));
         world.pass_s(0.3).await;
         assert_eq!(world.ordered(1), Some(0), "it waits for the rest of the frame");
         world.pass_s(0.5).await;
@@ -484,14 +478,8 @@ fn a_stop_after_stray_bytes_acts_while_the_stream_runs() {
         world.ready().await;
         for stray in [&[0xFD, 0xFF, 0x00][..], &[0xFD, 0x80, 0x00], &[0xFE, 0xFF]] {
             world.start(1).await;
-            let stop = COMMAND_LONG_DATA {
-                command: CMD_DO_ENGINE_CONTROL,
-                target_system: SYSTEM,
-                target_component: ENGINE[1],
-                ..Default::default()
-            };
             world.say_bytes(TO_AUTOPILOT, stray);
-            world.say(TO_AUTOPILOT, GROUND, &stop);
+            world.say(TO_AUTOPILOT, GROUND, &stop_command(1));
             world.pass_s(0.6).await;
             assert_eq!(world.ordered(1), None, "the stop acts after {stray:02X?}");
             world.cold(1).await;

@@ -451,13 +451,7 @@ fn heartbeats_and_answers_to_stops_come_while_a_flood_of_reads_is_answered() {
                 let requests = if floods { 1 + i16::from(i % 3 > 0) } else { 0 };
                 (0..requests).for_each(|next| world.say(TO_AUTOPILOT, GROUND, &read((i + next) % 30)));
                 if i % 200 == 100 {
-                    let stop = COMMAND_LONG_DATA {
-                        command: CMD_DO_ENGINE_CONTROL,
-                        target_system: SYSTEM,
-                        target_component: ENGINE[1],
-                        ..Default::default()
-                    };
-                    world.say(TO_AUTOPILOT, GROUND, &stop);
+                    world.say(TO_AUTOPILOT, GROUND, &stop_command(1));
                 }
                 world.pass_s(0.005).await;
             }

@@ -487,6 +487,16 @@ impl World<'_> {
     }
 }
 
+/// A stop of an engine, from a ground station.
+pub fn stop_command(engine: usize) -> COMMAND_LONG_DATA {
+    COMMAND_LONG_DATA {
+        command: CMD_DO_ENGINE_CONTROL,
+        target_system: SYSTEM,
+        target_component: ENGINE[engine],
+        ..Default::default()
+    }
+}
+
 pub fn outputs(time_usec: u32, servo: [u16; 16]) -> SERVO_OUTPUT_RAW_DATA {
     SERVO_OUTPUT_RAW_DATA {
         time_usec,
