@@ -26,6 +26,9 @@ impl Engine {
             Mode::Stop(_) | Mode::Standby => {}
             Mode::Run(Run { life, .. }) | Mode::Pwm { life, .. } => {
                 let doubted = life.in_doubt().is_some();
+                if self.exhaust.burns_on() {
+                    life.burns_on();
+                }
                 let end = life.observe(now, observation, exhaust);
                 let doubts = life.in_doubt().is_some();
                 match end {

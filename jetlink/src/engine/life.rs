@@ -250,6 +250,16 @@ impl Life {
         self.lights
     }
 
+    /// The exhaust burns on after a gap, while the ECU sends only faults: had it restarted, the engine would have gone out. It continues as
+    /// without a gap.
+    pub fn burns_on(&mut self) {
+        if self.only_faults()
+            && let Some(doubt) = self.doubt.as_mut().filter(|doubt| doubt.cause == Cause::Gap)
+        {
+            doubt.cause = Cause::Report;
+        }
+    }
+
     /// Three expected frames are missing.
     pub fn gap(&mut self, now: Instant) -> Option<End> {
         self.candidate = None;

@@ -118,6 +118,18 @@ impl Case<'_> {
             && commands.all(rpm)
     }
 
+    /// The rpm of the source in control is refused: no speed has been reported since before its first one. Its earlier run stays in force.
+    pub(super) fn refuses_rpm(&self, at: u64) -> bool {
+        let Some((source, _)) = self.command_log.run_in_control(at) else { return false };
+        let commands = self.command_log.until(source, at);
+        let first = commands.iter().rev().take_while(|(_, command)| command.is_rpm()).last();
+        let faults = self.faults.last_before(at);
+        self.traits().faults_hide_state
+            && first.zip(faults).is_some_and(|((first, _), (from, to))| {
+                from < *first && at < to + 2 * self.h.rules.period + 100 * MS
+            })
+    }
+
     pub(super) fn rate(&mut self) {
         let h = self.h;
         let rules = &h.rules;

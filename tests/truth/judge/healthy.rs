@@ -8,6 +8,8 @@ use sim::turbine::Phase;
 const KNOWN: u64 = 3 * SECOND;
 /// Time after the end of a disturbance until everything is normal again.
 const SETTLES: u64 = 1500 * MS;
+/// Time after a gap within which an exhaust shows that it burns on.
+const BURNS_ON: u64 = 4 * SECOND;
 
 impl Case<'_> {
     /// Times in which the rules of this file do not bind, each with its name.
@@ -86,7 +88,9 @@ impl Case<'_> {
         all.push(("AMT, sets that no ECU sent among error sets", self.forged_among_faults().longer(SETTLES)));
         if h.rules.limit_fault == Some(true) {
             let fault = h.times(|sample| sample.runs() && sample.fault);
-            all.push(("a limit whose action is standby", fault.longer(SETTLES)));
+            // What is decided within a gap goes into the first reply after it.
+            let gaps: Vec<_> = self.blind.iter().filter(|(from, to)| fault.touches(*from, *to)).collect();
+            all.push(("a limit whose action is standby", fault.union(&Spans::from(&gaps)).longer(SETTLES)));
         }
         all
     }
@@ -417,10 +421,12 @@ impl Case<'_> {
             let doubted = reset.zip(damaged).is_some_and(|(reset, (from, _))| {
                 h.samples(reset.up + first, from).iter().all(|sample| sample.fault)
             });
-            // After a gap error sets do not say whether it is the same engine, and get no reply.
+            // After a gap error sets do not say whether it is the same engine, and get no reply: as long as the exhaust has not
+            // shown for 3 s that it burns on, also where its sensor breaks meanwhile.
             let mut gaps =
                 self.blind.iter().filter(|(from, to)| to - from > 2 * h.rules.period && *to < sets);
-            let behind_gap = gaps.any(|(_, to)| to >= since && faults(to));
+            let breaks = |to| h.sensor.last_before(at).is_some_and(|(from, _)| from < to + BURNS_ON);
+            let behind_gap = gaps.any(|(_, to)| (to >= since || breaks(to)) && faults(to));
             // After a fault only a set that reports running does.
             let fault = self.faults.last_before(at).filter(|(_, to)| *to < sets);
             let after_fault = fault.is_some_and(|(_, to)| {
@@ -511,8 +517,13 @@ impl Case<'_> {
         let slow = |rpm| noise || ran.iter().any(|sample| sample.lit && sample.rpm < rpm + 1500.0);
         let limit_low = matches!(h.rules.limit_low_rpm, Some((rpm, false)) if slow(rpm));
         let limit_supply = h.rules.limit_supply == Some(false) && h.low_supply.touches(start, at + 1);
+        let off = h.unpowered.iter().any(|(from, _)| (start..at).contains(&from) && self.runs.contains(from));
         let limit_change = h.rules.limit_changes.contains(&Some(false))
-            && (noise || h.sensor.touches(start, at) || ran.iter().any(out) || !self.live.contains(at));
+            && (noise
+                || h.sensor.touches(start, at)
+                || ran.iter().any(out)
+                || off
+                || !self.live.contains(at));
         let limit_jump = (h.rules.limit_jump == Some(false) || h.rules.jump_lowers)
             && h.jumps.iter().any(|jump| (start..at).contains(jump));
         limit_jump

@@ -146,7 +146,12 @@ impl Case<'_> {
             let seen = hidden.iter().all(|spans| !spans.touches(from.saturating_sub(SECOND), known));
             let ran = |sample: &Sample| matches!(sample.phase, Phase::Running | Phase::LearningIdle);
             let begun = self.live.contains(from) && !h.samples(start, known).iter().any(ran);
-            (seen && begun).then_some(End {
+            // A node without memory takes a start whose shaft turns for a running engine.
+            let forgot = h
+                .resets
+                .iter()
+                .any(|reset| reset.cause == Cause::PowerOn && (start..from).contains(&reset.up));
+            (seen && begun && !forgot).then_some(End {
                 at: from,
                 known: (known <= to).then_some(known),
                 why: "error sets in a start",

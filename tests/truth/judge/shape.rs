@@ -108,6 +108,7 @@ impl Case<'_> {
                 |reset: &Reset| reset.cause != Cause::Watchdog && (taken..=frame.at).contains(&reset.up);
             if tenths > h.rules.authority + STEP as u32
                 && self.governed(frame.at)
+                && !self.refuses_rpm(frame.at)
                 && !h.resets.iter().any(forgets)
                 && self.known_to_run(frame.at)
             {

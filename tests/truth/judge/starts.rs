@@ -2,7 +2,7 @@
 
 use super::case::{Case, Rule, seconds};
 use super::fuel::{CLOSE_PUMP, OPEN_PUMP};
-use crate::history::{Cause, Frame, MS, Mark, PilotCommand, SECOND, Sample, Sent, Spans, Switch};
+use crate::history::{Cause, Commanded, Frame, MS, Mark, PilotCommand, SECOND, Sample, Sent, Spans, Switch};
 use sim::turbine::Phase;
 use std::collections::BTreeMap;
 
@@ -368,7 +368,7 @@ impl Case<'_> {
                 // reports the fault a moment after the flame went out, or that it runs until then.
                 let ran = |sample: &Sample| {
                     let before = h.sample(sample.at.saturating_sub(60 * MS));
-                    before.is_some_and(|before| before.phase == Phase::Running)
+                    before.is_some_and(|before| matches!(before.phase, Phase::LearningIdle | Phase::Running))
                 };
                 let before = h.samples(out + 60 * MS, sent.saturating_sub(h.rules.period + 50 * MS));
                 self.traits().faults_hide_state
@@ -616,54 +616,60 @@ impl Case<'_> {
             h.frames.windows(2).filter(|pair| pwm(pair[1].sent.switch()) && !pwm(pair[0].sent.switch()));
         self.verdict.count("hand-overs to the PWM input", begin.count() as u64);
         let lives = self.starts_of_life();
+        let commands: Vec<&Commanded> =
+            h.commanded.iter().filter(|commanded| commanded.command == PilotCommand::Pwm).collect();
         let mut reported = 0;
         for frame in h.frames.iter().filter(|frame| frame.sent.switch() == Some(Switch::Pwm)) {
             let at = frame.at;
             if at < reported {
                 continue;
             }
-            let command =
-                h.commanded(0, at).iter().rev().find(|commanded| commanded.command == PilotCommand::Pwm);
-            let why = match command {
+            // One that is refused takes nothing from an earlier one.
+            let commands = &commands[..commands.partition_point(|commanded| commanded.at <= at)];
+            let mut against =
+                commands.iter().rev().take(8).map(|commanded| self.against_hand_over(commanded, at, &lives));
+            let why = match against.next() {
                 None => Some("no source commanded it"),
-                Some(commanded) => {
-                    let own = h.last_command(commanded.source, commanded.at, |command| {
-                        matches!(command, PilotCommand::Standby | PilotCommand::Run(_))
-                    });
-                    // A command takes effect when its source is in control, and a second one has followed.
-                    let effect = h.rules.recover_after + h.rules.takeover + 700 * MS;
-                    let stop = h.commanded(commanded.at + 1, at.saturating_sub(200 * MS)).iter();
-                    let stop = stop.clone().any(|later| later.command == PilotCommand::Stop);
-                    let since = h.commanded(commanded.at + 1, at.saturating_sub(effect));
-                    let slack = self.gap() + h.rules.boot;
-                    if own.is_none_or(|own| own.command != PilotCommand::Standby) {
-                        Some("its source had not commanded standby")
-                    } else if !self.command_log.armed_within(commanded.at.saturating_sub(MS), commanded.at) {
-                        Some("the engine was not armed")
-                    } else if stop
-                        || since.iter().any(|later| {
-                            let otherwise = |higher| {
-                                matches!(self.command_log.fresh(higher, later.at), Some(PilotCommand::Run(_)))
-                            };
-                            later.command == PilotCommand::Standby
-                                && later.source <= commanded.source
-                                && !(0..later.source).any(otherwise)
-                        })
-                    {
-                        Some("it was taken back")
-                    } else if h.resets.iter().any(|reset| (commanded.at..at).contains(&reset.up)) {
-                        Some("the node was reset since")
-                    } else if lives.iter().any(|anew| *anew > commanded.at && at > anew + slack) {
-                        Some("the ECU was powered up, or the line lost, since")
-                    } else {
-                        None
-                    }
-                }
+                Some(last) => last.filter(|_| against.all(|earlier| earlier.is_some())),
             };
             if let Some(why) = why {
                 self.verdict.finding(Rule::Pwm, at, format!("the PWM input is given the engine, and {why}"));
                 reported = at + 10 * SECOND;
             }
+        }
+    }
+
+    /// Why this command does not explain a hand-over at an instant; `None` if it does.
+    fn against_hand_over(&self, commanded: &Commanded, at: u64, lives: &[u64]) -> Option<&'static str> {
+        let h = self.h;
+        let own = h.last_command(commanded.source, commanded.at, |command| {
+            matches!(command, PilotCommand::Standby | PilotCommand::Run(_))
+        });
+        // A command takes effect when its source is in control, and a second one has followed.
+        let effect = h.rules.recover_after + h.rules.takeover + 700 * MS;
+        let stop = h.commanded(commanded.at + 1, at.saturating_sub(200 * MS)).iter();
+        let stop = stop.clone().any(|later| later.command == PilotCommand::Stop);
+        let since = h.commanded(commanded.at + 1, at.saturating_sub(effect));
+        let slack = self.gap() + h.rules.boot;
+        let taken_back = |later: &Commanded| {
+            let otherwise =
+                |higher| matches!(self.command_log.fresh(higher, later.at), Some(PilotCommand::Run(_)));
+            later.command == PilotCommand::Standby
+                && later.source <= commanded.source
+                && !(0..later.source).any(otherwise)
+        };
+        if own.is_none_or(|own| own.command != PilotCommand::Standby) {
+            Some("its source had not commanded standby")
+        } else if !self.command_log.armed_within(commanded.at.saturating_sub(MS), commanded.at) {
+            Some("the engine was not armed")
+        } else if stop || since.iter().any(taken_back) {
+            Some("it was taken back")
+        } else if h.resets.iter().any(|reset| (commanded.at..at).contains(&reset.up)) {
+            Some("the node was reset since")
+        } else if lives.iter().any(|anew| *anew > commanded.at && at > anew + slack) {
+            Some("the ECU was powered up, or the line lost, since")
+        } else {
+            None
         }
     }
 }
