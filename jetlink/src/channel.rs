@@ -95,8 +95,13 @@ impl Channel {
         let mut engine = Engine::new(config);
         let memory = retained.map(|(memory, reset)| {
             let fingerprint = config.fingerprint();
-            engine.restore(memory.load(fingerprint, reset));
+            let record = memory.load(fingerprint, reset);
+            engine.restore(record);
             memory.repair();
+            // A warm reset before the first change must not bring back what a loss of power has taken.
+            if let Some(record) = record {
+                memory.store(&record, fingerprint);
+            }
             Retained { memory, fingerprint }
         });
         Self {

@@ -456,6 +456,11 @@ impl GapDetector {
         }
     }
 
+    /// A frame is expected from now on: a silence after a reset of the node is a gap, too.
+    pub fn start(&mut self, now: Instant) {
+        self.last = Some(now);
+    }
+
     /// Takes a good frame.
     pub fn frame(&mut self, now: Instant) {
         self.last = Some(now);

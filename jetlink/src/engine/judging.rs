@@ -8,7 +8,7 @@ use super::sources::Intent;
 use crate::command::{Demand, Origin};
 use crate::event::Event;
 use crate::link::{Link, Observation, Stage};
-use crate::report::REPORT_MAX_AGE;
+use crate::report::{REPORT_MAX_AGE, ReportedSwitch};
 use crate::units::Throttle;
 use embassy_time::{Duration, Instant};
 
@@ -50,7 +50,10 @@ impl Engine {
                 finding.given_up |= self
                     .link
                     .reply_timeout()
-                    .and_then(|time| finding.since.checked_add(time))
+                    .and_then(|time| {
+                        let left = time.as_ticks().saturating_sub(finding.unconfirmed.as_ticks());
+                        finding.since.checked_add(Duration::from_ticks(left))
+                    })
                     .is_some_and(|at| now >= at);
                 let found = finding.observe(observation, exhaust, answers);
                 self.found(now, found, observation);
@@ -87,6 +90,12 @@ impl Engine {
             && now < status.up_since.map_or(self.started, |up| up.max(self.started)) + REPORT_MAX_AGE;
         match (found, throttle) {
             (Found::Nothing, _) => {}
+            // Its ECU reports that it obeys standby or a stop, and the shaft turns yet: nobody is known to want it to run.
+            (Found::Running, _)
+                if matches!(
+                    status.report.switch.map(|switch| switch.value),
+                    Some(ReportedSwitch::Standby | ReportedSwitch::Stop)
+                ) => {}
             // Whoever commands standby meanwhile may not be the one whose run it is.
             (Found::Running, _) if waits => {
                 if let Mode::Listen(finding) = &mut self.mode {

@@ -157,7 +157,7 @@ impl Life {
 
     /// A life found after a reset, by the exhaust alone: in doubt until two reports confirm it.
     pub const fn found_burning(now: Instant) -> Self {
-        Self::doubted(Doubt { burned: true, ..Doubt::after_reset(now) })
+        Self::doubted(Doubt { burned: true, faults: true, ..Doubt::after_reset(now) })
     }
 
     /// A life after a reset of the node with a hand-over to PWM in force: in doubt until two reports confirm it. `ran`: it reached
@@ -176,7 +176,7 @@ impl Life {
         if record.exhaust_ignored {
             doubt.withheld = Consecutive::AGREE;
         }
-        Self::doubted(doubt)
+        Self { ran: !record.exhaust_ignored, ..Self::doubted(doubt) }
     }
 
     /// A life of a running engine with this doubt.
@@ -525,7 +525,13 @@ pub(super) struct Finding {
     pub after_faults: bool,
     /// Time since an unfinished start, according to the record.
     pub started: Option<Duration>,
+    /// Time without a reply before this search, and for which a fall of the exhaust was expected then.
+    pub unconfirmed: Duration,
+    pub fall_expected: Duration,
+    faulted: Consecutive,
+    /// Reports of a running engine, and whether the last one said so by its state.
     alive: Consecutive,
+    runs: bool,
     ending: Consecutive,
     throttle: Option<Throttle>,
 }
@@ -556,7 +562,11 @@ impl Finding {
             given_up: false,
             after_faults: false,
             started: None,
+            unconfirmed: Duration::from_ticks(0),
+            fall_expected: Duration::from_ticks(0),
+            faulted: Consecutive::NONE,
             alive: Consecutive::NONE,
+            runs: false,
             ending: Consecutive::NONE,
             throttle: None,
         }
@@ -594,6 +604,12 @@ impl Finding {
         Self { active_source, ..self }
     }
 
+    /// Time for which a fall of the exhaust is expected yet.
+    pub fn fall_expected_at(&self, now: Instant) -> Duration {
+        let passed = now.saturating_duration_since(self.since);
+        Duration::from_ticks(self.fall_expected.as_ticks().saturating_sub(passed.as_ticks()))
+    }
+
     /// Adds silence from before a reset.
     pub const fn carrying(self, carried: Duration, lost_for: Duration) -> Self {
         Self { carried, lost_for, ..self }
@@ -608,6 +624,12 @@ impl Finding {
     /// Takes one frame. `answers`: the ECU waits for replies (AMT), and a set with an unnamed state counts as running if its
     /// shaft turns.
     pub fn observe(&mut self, observation: Observation, exhaust: Burning, answers: bool) -> Found {
+        match observation {
+            Observation::Faulted { .. } => self.faulted.count(true),
+            Observation::State { .. } => self.faulted.reset(),
+            _ => {}
+        }
+        self.after_faults |= self.faulted.reached(AGREEING);
         match observation {
             Observation::PowerUp => Found::NotRunning,
             Observation::State { stage, turning, throttle } => {
@@ -629,6 +651,9 @@ impl Finding {
                     (a, b) => a == b,
                 };
                 self.throttle = throttle;
+                // One that is in a start, or may be, and an odd one of running, are not two of running.
+                let runs = stage == Stage::Running;
+                let same = core::mem::replace(&mut self.runs, runs) == runs && same;
                 if alive {
                     self.alive.count_with_last(same);
                 } else {

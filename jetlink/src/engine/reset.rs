@@ -81,6 +81,8 @@ impl Engine {
             .carrying(all_silent + RESET_TAKES, silent + RESET_TAKES)
             .after_faults(retained.after_faults);
         finding.given_up = retained.exhaust_ignored;
+        finding.unconfirmed = retained.unconfirmed + RESET_TAKES;
+        finding.fall_expected = retained.fall_expected;
         match retained.order {
             // A start that the reset interrupted: any source may end it.
             Order::Run(_) | Order::Listen if starting > 0 => {
@@ -163,6 +165,10 @@ impl Engine {
                 RetainedState {
                     ran: finding.ran,
                     exhaust_ignored: finding.given_up,
+                    unconfirmed: RetainedState::steps(
+                        finding.unconfirmed + self.at.saturating_duration_since(finding.since),
+                    ),
+                    fall_expected: FALL_EXPECTED.round(finding.fall_expected_at(self.at)),
                     after_faults: finding.after_faults,
                     silent: RetainedState::silence(of(finding.lost_for), received),
                     all_silent: RetainedState::silence(of(finding.carried), received),
@@ -198,7 +204,8 @@ impl Engine {
                     starting,
                     unconfirmed,
                     after_gap: run.life.missed_frames(),
-                    exhaust_ignored: run.life.ignores_exhaust(),
+                    // Of an engine that was found in a state of a start it is not known that it flew.
+                    exhaust_ignored: run.life.ignores_exhaust() || !run.life.ran(),
                     after_faults: run.life.after_faults(),
                     steady: STEADY.round_up(steady),
                     fall_expected: FALL_EXPECTED.round(run.lowered.fall_expected(self.at)),

@@ -172,12 +172,16 @@ impl RetainedState {
             must_disarm,
             exhaust_ignored,
             after_faults,
+            unconfirmed,
+            fall_expected,
             ..
         } = self;
         Self {
             ran,
             exhaust_ignored,
             after_faults,
+            unconfirmed,
+            fall_expected,
             link,
             pump_open,
             silent,

@@ -84,6 +84,10 @@ impl Engine {
             Beginning::Reset(record) => record.fall_expected,
             // Its demand is lower than the one that its ECU had.
             Beginning::Found { lost_for, .. } if lost_for > self.config.loss.hold => FALL_EXPECTED,
+            Beginning::Found { .. } => match &self.mode {
+                Mode::Listen(finding) => finding.fall_expected_at(now),
+                _ => Duration::from_ticks(0),
+            },
             _ => Duration::from_ticks(0),
         };
         let started = match beginning {

@@ -303,6 +303,7 @@ impl Speaks for Config {
 impl Link for AmtLink {
     fn start(&mut self, now: Instant) {
         self.monitor.start(now);
+        self.gaps.start(now);
     }
 
     fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {

@@ -1,5 +1,6 @@
 //! What the engine may not forget over a reset, nor when an order is given up.
 
+use super::power_lost::{COMMON_STATES, highest};
 use super::*;
 
 /// Flies, receives nothing for 10 s under a source that commands run, so that the order is given up, and is reset: not at all, warm, or by a
@@ -22,13 +23,13 @@ fn given_up(reset: Option<Reset>) -> Scenario {
 
 const RESETS: [Option<Reset>; 3] = [None, Some(Reset::Warm), Some(Reset::PowerLost)];
 
-fn receive_faults(scenario: &mut Scenario, egt_celsius: i32) {
+pub fn receive_faults(scenario: &mut Scenario, egt_celsius: i32) {
     scenario.values = Values { fault: 0b110, half_percents: 100, egt_celsius, rpm: None };
     let frame = scenario.ecu.frame(Reports::Running, scenario.values);
     receive(scenario, &frame);
 }
 
-fn runs(scenario: &mut Scenario) -> usize {
+pub fn runs(scenario: &mut Scenario) -> usize {
     scenario.sent().iter().filter(|wire| matches!(wire, Wire::Run(_))).count()
 }
 
@@ -174,5 +175,101 @@ fn a_longer_recover_after_leaves_a_source_in_control() {
         scenario.pass_us(3 * SECOND);
         scenario.fly_us(run(50), Origin::Rc, 20 * SECOND);
         assert_eq!(scenario.order(), Order::Run(percent(0)), "{ecu:?}");
+    }
+}
+
+/// Error sets while no order is in force, or right after a loss of power: when the fault clears, only "running" is answered. The control: two sets
+/// of running.
+#[test]
+fn after_faults_without_an_order_only_running_is_answered() {
+    let table: [(&str, i32, fn() -> Scenario); 4] = [
+        ("given up", 150, || given_up(None)),
+        ("after a loss of power", 150, || after_power_loss()),
+        ("after a loss of power, and its exhaust burns", 600, || after_power_loss()),
+        ("without a record", 150, || Scenario::nothing_received(Ecu::Amt, Ecu::Amt.config())),
+    ];
+    for (name, egt, begin) in table {
+        for sets in [2, 3, 40] {
+            let begun = || {
+                let mut scenario = begin();
+                scenario.silent();
+                (0..sets).for_each(|_| receive_faults(&mut scenario, egt));
+                scenario
+            };
+            for state in COMMON_STATES {
+                assert_eq!(highest(&mut begun(), state, 100), None, "{name}, {sets} error sets, {state:#b}");
+            }
+            assert!(highest(&mut begun(), 0b01100, 100).is_some(), "{name}, {sets} error sets");
+        }
+    }
+}
+
+fn after_power_loss() -> Scenario {
+    let record = flying(Ecu::Amt).bench.machine.record().without_start();
+    Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), Some(record))
+}
+
+/// The ECU reports "running" and its own switch at standby or stop: it shuts the engine down, and the shaft turns yet. A node without an order does
+/// not take that for an engine that somebody wants to run. The control: its switch is at run.
+#[test]
+fn an_engine_that_its_ecu_shuts_down_is_not_found_running() {
+    let amt: [(u8, bool); 3] =
+        [(amt_frames::AUTO_STOP, false), (amt_frames::EMERGENCY, false), (amt_frames::RUN, true)];
+    for (switch, found) in amt {
+        for mut scenario in [given_up(None), Scenario::nothing_received(Ecu::Amt, Ecu::Amt.config())] {
+            scenario.silent();
+            for _ in 0..40 {
+                let mut frame = amt_frames::normal(0b01100, switch, 60);
+                frame[4] = 120;
+                receive(&mut scenario, &frame);
+            }
+            assert_eq!(runs(&mut scenario) > 0, found, "AMT, switch {switch}");
+        }
+    }
+    for (switch, found) in [(1, false), (0, false), (2, true)] {
+        let mut scenario = Scenario::with(Ecu::Zk, Ecu::Zk.config());
+        scenario.silent();
+        for _ in 0..40 {
+            receive(&mut scenario, &zk_frames::status(1, TURNING, [11, switch << 5, 76]));
+            receive(&mut scenario, &zk_frames::status(3, TURNING, [60, 0, 0]));
+        }
+        assert_eq!(runs(&mut scenario) > 0, found, "ZK, switch {switch}");
+    }
+}
+
+/// Nothing is received from a reset on, for three frames: a gap, as without the reset. Error sets without an exhaust that can be read get no
+/// reply then. The control: the ECU is received at once.
+#[test]
+fn amt_8_a_silence_that_begins_with_a_reset_is_a_gap() {
+    for (silence, answered) in [(3 * SECOND, false), (0, true)] {
+        for reset in [false, true] {
+            let mut scenario = flying(Ecu::Amt);
+            if reset {
+                scenario = scenario.reset(Ecu::Amt.config());
+            }
+            scenario.silent().fly_us(run(50), Origin::Rc, silence);
+            scenario.sent();
+            for _ in 0..8 {
+                scenario.values = Values { fault: 0b1000, half_percents: 100, egt_celsius: -50, rpm: None };
+                let frame = scenario.ecu.frame(Reports::Running, scenario.values);
+                receive(&mut scenario, &frame);
+            }
+            assert_eq!(runs(&mut scenario) > 0, answered, "{silence} us, reset: {reset}");
+        }
+    }
+}
+
+/// Without a record, one set of a start and one odd set of running are not two sets of running: it is found in a start, with the time of one. The
+/// control: two of running.
+#[test]
+fn one_set_of_running_among_those_of_a_start_finds_no_running_engine() {
+    for (odd, starting) in [(1, true), (2, false)] {
+        let mut scenario = Scenario::nothing_received(Ecu::Amt, Ecu::Amt.config());
+        let running = core::iter::repeat_n(0b01100, odd);
+        for state in core::iter::once(0b00010).chain(running).chain([0b00010; 4]) {
+            let _ = scenario.command(run(80));
+            receive(&mut scenario, &report(Ecu::Amt, state, TURNING));
+        }
+        assert_eq!(scenario.telemetry().start_by.is_some(), starting, "{odd}: {}", scenario.order());
     }
 }

@@ -1,0 +1,141 @@
+//! What a loss of power that the RAM survives may neither restart nor forget. A warm reset is the control.
+
+use super::forgotten::{receive_faults, runs};
+use super::*;
+use jetlink::channel::Channel;
+
+/// The states that a start and a flight have in common, and one that no document names.
+pub const COMMON_STATES: [u8; 4] = [0b00010, 0b00100, 0b01000, 0b11111];
+
+/// The same engine after a reset, with what such a reset leaves of its record.
+fn after(scenario: &Scenario, reset: Reset) -> Scenario {
+    let record = scenario.bench.machine.record();
+    let record = if reset == Reset::Warm { record } else { record.without_start() };
+    let mut scenario = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), Some(record));
+    scenario.silent();
+    scenario
+}
+
+/// Receives sets with this state and a throttle, under a source that commands run, and returns the highest run that was answered, in 0.1 %.
+pub fn highest(scenario: &mut Scenario, state: u8, half_percents: u8) -> Option<u16> {
+    scenario.sent();
+    for _ in 0..200 {
+        let _ = scenario.command(run(90));
+        let mut frame = report(Ecu::Amt, state, TURNING);
+        frame[4] = half_percents;
+        receive(scenario, &frame);
+    }
+    let runs = scenario.sent().into_iter();
+    runs.filter_map(|wire| if let Wire::Run(tenths) = wire { Some(tenths) } else { None }).max()
+}
+
+/// A panic or a hang before the runner begins is a warm reset, which must not bring back what the loss of power has taken.
+#[test]
+fn what_a_loss_of_power_takes_stays_taken_over_a_reset_before_the_first_change() {
+    let config = Ecu::Zk.config();
+    for (reset, kept) in [(Reset::Warm, true), (Reset::PowerLost, false)] {
+        for order in [Order::Run(percent(80)), Order::Standby] {
+            let record = RetainedState::new(order, Origin::Rc).with(|state| state.armed = true);
+            let memory: &'static RetainedMemory = Box::leak(Box::new(RetainedMemory::new()));
+            memory.store(&record, config.fingerprint());
+            drop(Channel::new(&config, Some((memory, reset))));
+            let record = memory.load(config.fingerprint(), Reset::Warm).unwrap();
+            assert_eq!(record.armed, kept, "{reset:?} {order}");
+            assert_eq!(record.order == order, kept || order == Order::Standby, "{reset:?} {order}");
+        }
+    }
+}
+
+/// The pilot lowers the demand, and the exhaust falls as it has to: for as long as without the reset that is no flame-out.
+#[test]
+fn amt_8_a_fall_that_was_commanded_before_a_loss_of_power_costs_no_engine() {
+    for reset in [Reset::Warm, Reset::PowerLost] {
+        for (demand, half_percents, flies) in [(run(0), 0, true), (run(50), 100, false)] {
+            let receive_at = |scenario: &mut Scenario, egt_celsius| {
+                scenario.values = Values { fault: 1, half_percents, egt_celsius, rpm: None };
+                let frame = scenario.ecu.frame(Reports::Running, scenario.values);
+                receive(scenario, &frame);
+            };
+            let mut scenario = with_faults(2 * SECOND, 1, run(50), |_| 700);
+            for i in 0..10 {
+                let _ = scenario.command(demand);
+                scenario.pass_us(FRAME_PERIOD_US);
+                receive_at(&mut scenario, 700 - i);
+            }
+            let mut scenario = after(&scenario, reset);
+            // Steady for 0.3 s, 25 °C/s for 3.6 s, and steady again.
+            for millis in (0..8000).step_by(50) {
+                let _ = scenario.command(demand);
+                let egt = 690 - (millis - 300).clamp(0, 3600) / 40;
+                receive_at(&mut scenario, egt);
+            }
+            assert_eq!(scenario.order() != Order::Standby, flies, "{reset:?} {demand:?}");
+        }
+    }
+}
+
+/// 7 s without a reply, with a reset in between: by then the ECU has stopped its engine. So it has in a loop of resets.
+#[test]
+fn amt_12_the_serial_delay_continues_over_a_loss_of_power() {
+    for reset in [Reset::Warm, Reset::PowerLost] {
+        for (before, answered) in [(3_500_000, false), (0, true)] {
+            let mut scenario = flying(Ecu::Amt);
+            scenario.silent().fly_us(run(50), Origin::Rc, before);
+            let mut scenario = after(&scenario, reset);
+            scenario.fly_us(run(50), Origin::Rc, 3_500_000);
+            (0..5).for_each(|_| receive_faults(&mut scenario, 600));
+            assert_eq!(runs(&mut scenario) > 0, answered, "{reset:?} {before} us before");
+        }
+    }
+    let mut scenario = after(&flying(Ecu::Amt), Reset::PowerLost);
+    for _ in 0..4 {
+        scenario.silent().fly_us(run(50), Origin::Rc, 2 * SECOND);
+        scenario = scenario.reset(Ecu::Amt.config());
+    }
+    (0..5).for_each(|_| receive_faults(&mut scenario, 600));
+    assert_eq!(runs(&mut scenario), 0);
+}
+
+/// Of an engine that was found in a state that a start has, too, nobody knows that it flew, whatever resets come: its demand does not rise. The
+/// control: two reports of running.
+#[test]
+fn amt_an_engine_found_in_a_state_of_a_start_does_not_rise_over_a_reset() {
+    for reset in [None, Some(Reset::Warm), Some(Reset::PowerLost)] {
+        let mut scenario = Scenario::nothing_received(Ecu::Amt, Ecu::Amt.config());
+        for _ in 0..10 {
+            let _ = scenario.command(run(80));
+            receive(&mut scenario, &report(Ecu::Amt, 0b00100, TURNING));
+        }
+        if let Some(reset) = reset {
+            scenario = after(&scenario, reset);
+        }
+        scenario.silent();
+        assert_eq!(highest(&mut scenario, 0b00100, 0).unwrap_or(0), 0, "{reset:?}");
+        assert_eq!(highest(&mut scenario, 0b01100, 0), Some(900), "{reset:?}");
+    }
+}
+
+/// An order that was given up, then sets with a state that a start has, too: the loss of power must not make an engine of them that flew.
+#[test]
+fn amt_an_order_that_was_given_up_stays_so_over_a_loss_of_power_after_other_states() {
+    for state in COMMON_STATES.into_iter().skip(1) {
+        let given_up = || {
+            let mut scenario = flying(Ecu::Amt);
+            scenario.silent().fly_us(run(50), Origin::Rc, 10 * SECOND);
+            assert_eq!(scenario.order(), Order::Listen);
+            for _ in 0..5 {
+                let _ = scenario.command(run(90));
+                let mut frame = report(Ecu::Amt, state, TURNING);
+                frame[4] = 20;
+                receive(&mut scenario, &frame);
+            }
+            after(&scenario, Reset::PowerLost)
+        };
+        assert!(highest(&mut given_up(), state, 20) <= Some(100), "{state:#b}");
+        let mut scenario = given_up();
+        (0..10).for_each(|_| receive_faults(&mut scenario, 600));
+        assert_eq!(runs(&mut scenario), 0, "{state:#b}");
+        // The control: it runs.
+        assert_eq!(highest(&mut given_up(), 0b01100, 20), Some(900), "{state:#b}");
+    }
+}
