@@ -345,7 +345,7 @@ impl Case<'_> {
                 // A fall proves nothing within 5 s after the demand was lowered, also by the stages of loss.
                 let lowered = self.last_lowered(out.saturating_sub(LOWERED), answered);
                 let counts = lowered.map_or(out, |lowered| out.max(lowered + LOWERED));
-                // Two sets have to agree that it is too cold for combustion.
+                // Two sets have to agree that it is too cold for combustion, and nothing is sent after the last one that was answered.
                 let since = h.samples(out, at.saturating_sub(2 * h.rules.period + 50 * MS));
                 let up =
                     h.resets.iter().map(|reset| reset.up).filter(|up| *up <= at).max().unwrap_or_default();
@@ -379,6 +379,7 @@ impl Case<'_> {
                     && since.iter().all(|sample| {
                         sample.egt > h.rules.burning - BURNS
                             || sample.at < counts
+                            || sample.at > answered
                             || !self.trusts_exhaust(sample.at)
                     })
                     // Nor does a node that is reset again too soon see the exhaust temperature fall.

@@ -313,6 +313,18 @@ fn an_ecu_does_not_put_out_an_engine_for_want_of_commands() {
     story(AMT).with(faults).with(gaps(&[(37_200, 38_000), (39_700, 41_000)])).passes();
     story(AMT).with(faults).with(gaps(&[(39_700, 41_000)])).breaks(&[Rule::GivenUp]);
     story(AMT).with(early(Cause::PowerOn)).breaks(&[Rule::GivenUp]);
+    // Nor do they where the thermocouple breaks within 4 s after it (839000261).
+    let breaks = |from: u64| {
+        let faults = move |h: &mut History| {
+            let faults = 35_200 * MS..40 * SECOND;
+            h.samples.iter_mut().filter(|s| faults.contains(&s.at)).for_each(|s| s.fault = true);
+            h.mute = Spans::from(&[(35_400 * MS, 35_800 * MS)]);
+            h.sensor = Spans::from(&[(from * MS, 41 * SECOND)]);
+            h.frames.retain(|frame| frame.at < 37_300 * MS || frame.at >= 40 * SECOND);
+        };
+        story(AMT).with(faults).finds(Rule::GivenUp)
+    };
+    assert!(!breaks(37_200) && breaks(39_900));
     // Or from the first set on, which may have been begun before them.
     let begun_before = |h: &mut History| {
         let first = 37_250 * MS..37_260 * MS;
@@ -521,6 +533,19 @@ fn a_limit_holds_the_demand_of_an_engine_that_was_lit_again() {
     };
     story().with(|h| h.rules.limit_changes = [Some(false); 4]).with(learning).passes();
     story().breaks(&[Rule::HeldDown]);
+    // Its ECU was without power for too short a time to be seen, and starts the engine again (843000478).
+    let held_down = |off: bool| {
+        let stops = move |h: &mut History| {
+            h.rules.limit_changes = [Some(false); 4];
+            let out = h.samples.iter_mut().filter(|s| s.at >= 40 * SECOND && s.at < 42 * SECOND);
+            out.for_each(|s| s.phase = Phase::Ignition);
+            if off {
+                h.unpowered = Spans::from(&[(40_000 * MS - 30 * MS, 40_000 * MS)]);
+            }
+        };
+        story().with(stops).finds(Rule::HeldDown)
+    };
+    assert_eq!([held_down(true), held_down(false)], [false, true]);
     // The order is the previous one, however long the start lasts.
     let held = |limit| {
         let story = lit_again(120.0).with(move |h| h.rules.limit_rpm = Some((limit, false)));
@@ -621,6 +646,25 @@ fn error_sets_do_not_contradict_sets_that_no_ecu_sent() {
     };
     assert!(!story(&[39_700, 40_000], true));
     assert!(story(&[39_700, 40_000], false) && story(&[40_000], true));
+}
+
+/// A fault whose limit shuts the engine down, and then nothing is received: standby goes into the reply to the first set after it (843000396).
+#[test]
+fn a_gap_after_a_fault_delays_a_standby() {
+    let story = |cut: bool, limit| {
+        shut_down_uncommanded()
+            .with(move |h| {
+                (h.rules.limit_fault, h.rules.gives_up_after) = (limit, 20 * SECOND);
+                let fault = micros(36.6)..micros(37.0);
+                h.samples.iter_mut().filter(|sample| fault.contains(&sample.at)).for_each(|s| s.fault = true);
+                if cut {
+                    h.mute = Spans::from(&[(micros(36.9), micros(39.9))]);
+                }
+            })
+            .finds(Rule::ShutDown)
+    };
+    assert!(!story(true, Some(true)));
+    assert!(story(false, Some(true)) && story(true, None));
 }
 
 /// Odd values, while another limit of how values change has another action (710000115).

@@ -359,6 +359,16 @@ fn a_governor_gives_no_more_than_it_may() {
             move |h: &mut History| h.resets = (31..60).step_by(5).map(|s| reset(s * SECOND)).collect();
         assert_eq!(over(story(700).with(resets)), !passes, "{cause:?}");
     }
+    // An rpm is refused while no speed is reported, and the throttle before it stays in force (841001943).
+    let refused = |from: u64| {
+        move |h: &mut History| {
+            let before = h.commanded.iter_mut().filter(|c| c.at < 45 * SECOND && c.command.is_rpm());
+            before.for_each(|c| c.command = PilotCommand::Run(Demanded::Throttle(700)));
+            h.samples.iter_mut().filter(|s| s.at >= from * SECOND).for_each(|s| s.fault = true);
+        }
+    };
+    assert!(!over(story(700).with(refused(44))));
+    assert!(over(story(700).with(refused(46))));
     // The previous throttle of a source that has left does not count either, while an rpm waits to take over.
     let waits = |h: &mut History| {
         let before = |commanded: &mut Commanded| {

@@ -174,6 +174,23 @@ fn a_trip_that_clears_while_the_exhaust_is_hot_cannot_be_seen() {
         first.for_each(|s| (s.phase, s.fault, s.lit) = (Phase::Running, false, false));
     };
     story(43.5, false).with(runs_on).passes();
+    // Nor may it show until then that it learns its idle speed (840000346).
+    let learns = |h: &mut History| {
+        runs_on(h);
+        let first = h.samples.iter_mut().filter(|s| (40 * SECOND..41 * SECOND).contains(&s.at));
+        first.for_each(|s| s.phase = Phase::LearningIdle);
+    };
+    story(43.5, false).with(learns).passes();
+    // What it shows after the last set that was answered comes too late, too.
+    let cold_after = |from: f64| {
+        story(43.5, false).with(move |h| {
+            let after = h.samples.iter_mut().filter(|s| (micros(from)..micros(43.5)).contains(&s.at));
+            after.for_each(|s| (s.fault, s.egt) = (false, 100.0));
+            h.frames.retain(|frame| frame.at < micros(42.6));
+        })
+    };
+    cold_after(42.8).passes();
+    assert!(ignites(cold_after(42.0)));
     shows(50 * MS).passes();
     shows(200 * MS).breaks(&[Rule::Ignition]);
     cleared(micros(42.6)).passes();
@@ -639,6 +656,13 @@ fn the_pwm_input_is_given_the_engine_on_a_pilots_command() {
     taken(2).with(by_third).breaks(&[Rule::Pwm]);
     let otherwise = PilotCommand::Run(Demanded::Throttle(400));
     taken(2).with(by_third).streams(0, 4.5, 10.0, otherwise).passes();
+    // One that is refused changes nothing (843002133), and is none itself.
+    story().once(PILOT, 4.0, PilotCommand::Pwm).once(2, 6.0, PilotCommand::Pwm).passes();
+    story()
+        .with(disarmed)
+        .once(PILOT, 4.0, PilotCommand::Pwm)
+        .once(2, 6.0, PilotCommand::Pwm)
+        .breaks(&[Rule::Pwm]);
     // For one life of the ECU.
     let dip = |h: &mut History| h.unpowered = Spans::from(&[(6 * SECOND, 7 * SECOND)]);
     story().once(PILOT, 4.0, PilotCommand::Pwm).with(dip).breaks(&[Rule::Pwm]);
@@ -705,6 +729,11 @@ fn an_engine_that_burns_again_is_not_sent_run() {
     start(AMT, 10.6).with(faults).breaks_beside(&beside, &[]);
     start(AMT, 12.0).with(faults).breaks_beside(&beside, &[Rule::SecondLife]);
     start(ZK5, 12.0).with(faults).breaks_beside(&beside, &[]);
+    // A node that has lost its memory takes a start for a running engine (842001636).
+    let forgot =
+        |cause| move |h: &mut History| h.resets.push(Reset { down: 8 * SECOND, up: 8_100 * MS, cause });
+    start(AMT, 12.0).with(faults).with(forgot(Cause::PowerOn)).breaks_beside(&beside, &[]);
+    start(AMT, 12.0).with(faults).with(forgot(Cause::Watchdog)).breaks_beside(&beside, &[Rule::SecondLife]);
 }
 
 #[test]
