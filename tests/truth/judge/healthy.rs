@@ -374,8 +374,17 @@ impl Case<'_> {
         let last_up = ups.chain(gaps).filter(|up| *up <= at).max();
         let no_state = self.traits().faults_hide_state
             && last_up.is_some_and(|up| self.faults.within(up, at) + 200 * MS >= at - up);
-        let hidden =
-            unreadable || no_state || self.blind.union(&h.noise).union(&self.down).touches(silent_since, at);
+        // So it is after error sets.
+        let other_state = self.traits().faults_hide_state
+            && self.faults.last_before(at).is_some_and(|(_, to)| {
+                // Of two sets that report running, the second one ends the doubt.
+                let reported = at.saturating_sub(2 * rules.period + 100 * MS);
+                to > silent_since && h.samples(to, reported.max(to + 1)).iter().all(|sample| sample.hidden)
+            });
+        let hidden = unreadable
+            || no_state
+            || other_state
+            || self.blind.union(&h.noise).union(&self.down).touches(silent_since, at);
         // A loop of resets that is too short to listen ends in standby after 10 s without a source. So it does after its end, where
         // nothing shows that the engine runs: from the third reset on, the silence before them counts as that of the fail-safe stage.
         let in_a_loop = resets.last().is_some_and(|up| at < up + 3 * SECOND);
@@ -423,8 +432,10 @@ impl Case<'_> {
             });
             // After a gap error sets do not say whether it is the same engine, and get no reply: as long as the exhaust has not
             // shown for 3 s that it burns on, also where its sensor breaks meanwhile.
-            let mut gaps =
-                self.blind.iter().filter(|(from, to)| to - from > 2 * h.rules.period && *to < sets);
+            // It takes three sets to find that out.
+            let mut gaps = self.blind.iter().filter(|(from, to)| {
+                to - from > 2 * h.rules.period && (*to < sets || *to <= at && self.faults.contains(*to))
+            });
             let breaks = |to| h.sensor.last_before(at).is_some_and(|(from, _)| from < to + BURNS_ON);
             let behind_gap = gaps.any(|(_, to)| (to >= since || breaks(to)) && faults(to));
             // After a fault only a set that reports running does.

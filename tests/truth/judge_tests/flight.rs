@@ -312,6 +312,9 @@ fn an_ecu_does_not_put_out_an_engine_for_want_of_commands() {
     story(AMT).with(faults).with(gaps(&[(37_200, 38_000)])).passes();
     story(AMT).with(faults).with(gaps(&[(37_200, 38_000), (39_700, 41_000)])).passes();
     story(AMT).with(faults).with(gaps(&[(39_700, 41_000)])).breaks(&[Rule::GivenUp]);
+    // It takes three of them to see that (845001348).
+    story(AMT).with(faults).with(gaps(&[(38_300, 39_900)])).passes();
+    story(AMT).with(gaps(&[(38_300, 39_700)])).breaks_beside(&[Rule::Doubt], &[Rule::GivenUp]);
     story(AMT).with(early(Cause::PowerOn)).breaks(&[Rule::GivenUp]);
     // Nor do they where the thermocouple breaks within 4 s after it (839000261).
     let breaks = |from: u64| {
@@ -646,6 +649,28 @@ fn error_sets_do_not_contradict_sets_that_no_ecu_sent() {
     };
     assert!(!story(&[39_700, 40_000], true));
     assert!(story(&[39_700, 40_000], false) && story(&[40_000], true));
+}
+
+/// With all sources silent, an AMT engine in doubt gets standby when the stages of loss have run out. Error sets raise a doubt that another state than
+/// running does not end (845000650).
+#[test]
+fn after_error_sets_only_running_ends_the_doubt_of_an_engine_without_a_source() {
+    let story = |hidden: bool| {
+        flight(AMT, 40.0)
+            .wire(40.0, 41.5, HALF)
+            .ramp(41.5, 500, 0)
+            .wire(42.6, 52.5, IDLE)
+            .wire(52.5, 54.0, STANDBY)
+            .turbine(40.0, 54.0, Phase::Running, 50_000.0, 500.0)
+            .with(|h| {
+                for sample in h.samples.iter_mut() {
+                    sample.fault = (45 * SECOND..50 * SECOND).contains(&sample.at);
+                    sample.hidden = hidden && (50 * SECOND..53 * SECOND).contains(&sample.at);
+                }
+            })
+            .finds(Rule::ShutDown)
+    };
+    assert_eq!([story(true), story(false)], [false, true]);
 }
 
 /// A fault whose limit shuts the engine down, and then nothing is received: standby goes into the reply to the first set after it (843000396).
