@@ -116,7 +116,7 @@ impl Exhaust {
         }
     }
 
-    /// Whether it has been hot since the last gap for so long without a fall that the engine burns: without a flame it would cool.
+    /// Whether the engine burns: the exhaust has been hot since the last gap, and has not fallen for several intervals.
     pub const fn burns_on(&self) -> bool {
         self.steady.reached(FALLING_FOR)
     }
