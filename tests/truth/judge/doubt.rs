@@ -2,7 +2,7 @@
 //! may be sent.
 
 use super::case::{Case, Rule, seconds};
-use crate::history::{Demanded, MS, PilotCommand, SECOND, Sent, Spans, Switch};
+use crate::history::{Demanded, Frame, MS, PilotCommand, SECOND, Sent, Spans, Switch};
 
 /// Time for which damaged frames count as frames.
 const DAMAGED_MAX: u64 = 10 * SECOND;
@@ -158,7 +158,10 @@ impl Case<'_> {
                 let other = commanded.clone().any(|commanded| {
                     !matches!(commanded.command, PilotCommand::Run(Demanded::Rpm(_)) | PilotCommand::Arm)
                 });
-                if disturbed || other || !rpm(at) {
+                // Another rule judges what has shut it down.
+                let ends = |frame: &Frame| frame.sent.switch().is_some_and(|switch| switch != Switch::Run);
+                let ended = h.frames_within(from, at).iter().any(ends);
+                if disturbed || other || ended || !rpm(at) {
                     break;
                 }
                 self.verdict.count("speeds in doubt", 1);

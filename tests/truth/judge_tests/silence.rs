@@ -86,6 +86,8 @@ fn in_doubt_a_speed_continues() {
     };
     story(Sent::Rpm(100_000)).passes();
     story(Sent::Nothing).breaks(&[Rule::HeldDown]);
+    // Not behind a standby, which is judged as one (846000649).
+    story(STANDBY).breaks_beside(&[Rule::ShutDown, Rule::Doubt], &[]);
 }
 
 #[test]
