@@ -182,7 +182,8 @@ fn a_longer_recover_after_leaves_a_source_in_control() {
 /// of running.
 #[test]
 fn after_faults_without_an_order_only_running_is_answered() {
-    let table: [(&str, i32, fn() -> Scenario); 4] = [
+    type Begin = fn() -> Scenario;
+    let table: [(&str, i32, Begin); 4] = [
         ("given up", 150, || given_up(None)),
         ("after a loss of power", 150, || after_power_loss()),
         ("after a loss of power, and its exhaust burns", 600, || after_power_loss()),
