@@ -319,6 +319,33 @@ fn a_lost_source_lowers_the_governors_throttle() {
     assert_eq!(scenario.command(target(80_000)), Ok(Accepted::Held));
 }
 
+/// A source that wanted nothing commands its speed again while the throttle falls: the governor continues from the throttle that is being sent,
+/// not from the one before it (848000116).
+#[test]
+fn the_governor_continues_from_the_throttle_that_is_being_sent() {
+    let mut config = governed(|_| {});
+    config.supervision.loss.ramp = 2000;
+    let mut scenario = at(config, 60, 80_000);
+    scenario.fly_us(target(80_000), Origin::Rc, 2 * SECOND);
+    let mut sent = throttles(&scenario.sent());
+    // Until a throttle of less than half of the highest one begins.
+    while sent.last().is_none_or(|last| *last >= 300) {
+        scenario.command(Command::Present).unwrap();
+        scenario.pass_us(1000);
+        sent.extend(throttles(&scenario.sent()));
+        assert!(sent.len() < 200, "{sent:?}");
+    }
+    assert!(matches!(sent[..], [.., before, last] if before >= last + 90), "it falls: {sent:?}");
+    scenario.command(target(80_000)).unwrap();
+    scenario.pass_us(FRAME_PERIOD_US);
+    let (last, next) = (sent[sent.len() - 1], throttles(&scenario.sent()));
+    // 30 % a second.
+    assert!(next[0] <= last + 20, "{last}, then {next:?}");
+    // It rises again.
+    scenario.fly_us(target(100_000), Origin::Rc, SECOND);
+    assert!(throttles(&scenario.sent()).last().is_some_and(|after| *after > last + 100));
+}
+
 /// After a reset it continues at the throttle that the ECU obeys.
 #[test]
 fn the_governor_resumes_after_a_reset() {

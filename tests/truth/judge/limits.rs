@@ -282,8 +282,11 @@ impl Case<'_> {
             }
             // A demand that is lost is the last of one of them, until a source that returns is in control.
             let back = at.saturating_sub(rules.recover_after + rules.takeover + SECOND);
-            let before = h.commanded(at.saturating_sub(held), back);
-            let silent = !before.iter().any(|commanded| commanded.command.is_received());
+            let received = |source| {
+                let last = self.command_log.in_control_for_sure(source, back, rules.recover_after);
+                last.is_some_and(|last| last + held >= at)
+            };
+            let silent = !(0..rules.ages.len()).any(received);
             let lost = (0..rules.ages.len())
                 .filter(|_| silent)
                 .filter_map(|source| h.last_command(source, back, |command| share(command).is_some()));

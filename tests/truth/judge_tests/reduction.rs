@@ -61,6 +61,10 @@ fn a_demand_is_reduced_while_another_engine_has_failed() {
     let returns = |at| lost(250).streams(PILOT, at, 60.0, PilotCommand::Run(Demanded::Throttle(200)));
     returns(59.4).passes();
     returns(54.0).breaks(&[Rule::Reduction]);
+    // One that commands now and then never is (847000883).
+    let now_and_then = [53.0, 55.5, 58.0].into_iter();
+    let low = PilotCommand::Run(Demanded::Throttle(200));
+    now_and_then.fold(lost(250), |story, at| story.once(2, at, low)).passes();
 }
 
 /// The order was given up meanwhile (AMT's serial delay): the first reply has the throttle that the ECU has.

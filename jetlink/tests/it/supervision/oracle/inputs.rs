@@ -55,6 +55,10 @@ impl Oracle {
                     *must |= commanded;
                 }
                 self.use_up_all();
+                // Before the runner begins, so that no source is restored from the record.
+                if at == self.booted {
+                    self.sources = [None; 4];
+                }
             }
             Command::ReleaseStop => {
                 if answer.is_ok()
