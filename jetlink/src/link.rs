@@ -458,7 +458,7 @@ impl GapDetector {
 
     /// A frame is expected from now on: a silence after a reset of the node is a gap, too.
     pub fn start(&mut self, now: Instant) {
-        self.last = Some(now);
+        (self.last, self.good) = (Some(now), Some(now));
     }
 
     /// Takes a good frame.

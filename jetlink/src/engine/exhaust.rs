@@ -8,9 +8,9 @@ use embassy_time::{Duration, Instant};
 const PLAUSIBLE: (Celsius, Celsius) = (Celsius::from_tenths(-400), Celsius::from_tenths(11_000));
 /// Rate of fall without combustion, 15 °C/s in 0.1 °C/s.
 const FALL: i32 = 150;
-/// Rate of fall that leaves combustion uncertain, 8 °C/s in 0.1 °C/s: two steps of the raw value over the interval. One may be its rounding.
-const COOLS: i32 = 80;
-/// Consecutive intervals that prove a fall, or that there is none.
+/// Rate of fall that leaves combustion uncertain, 4 °C/s in 0.1 °C/s: one step of the raw value over the interval.
+const COOLS: i32 = 40;
+/// Consecutive intervals of such a fall that prove it.
 const FALLING_FOR: u8 = 3;
 /// Interval over which the fall is measured.
 const INTERVAL: Duration = Duration::from_secs(1);
@@ -59,10 +59,8 @@ pub(super) struct Exhaust {
     /// Time and value at the beginning of the interval.
     mark: Option<(Instant, Celsius)>,
     falling: Consecutive,
-    /// It fell by at least 8 °C/s in the last interval.
+    /// It fell by at least 4 °C/s in the last interval.
     cools: bool,
-    /// Intervals since the last gap in which it was hot and did not fall, not even because the demand was lowered.
-    steady: Consecutive,
     /// Time for which lower demands have excused a cold exhaust, and the last time that was looked at.
     excused: Duration,
     seen: Option<Instant>,
@@ -86,7 +84,6 @@ impl Exhaust {
             mark: None,
             falling: Consecutive::NONE,
             cools: false,
-            steady: Consecutive::NONE,
             excused: Duration::from_ticks(0),
             seen: None,
             distrusted: false,
@@ -110,15 +107,9 @@ impl Exhaust {
     /// Frames were missing: what burned before may have gone out since, and two values have to show that it burns.
     pub fn gap(&mut self) {
         self.above.reset();
-        self.steady.reset();
         if self.state == Burning::Yes {
             self.state = Burning::NotKnown;
         }
-    }
-
-    /// Whether the engine burns: the exhaust has been hot since the last gap, and has not fallen for several intervals.
-    pub const fn burns_on(&self) -> bool {
-        self.steady.reached(FALLING_FOR)
     }
 
     /// Whether a working thermocouple can give this value.
@@ -178,10 +169,9 @@ impl Exhaust {
             return;
         }
         let fall = (i32::from(from.tenths()) - i32::from(egt.tenths())).saturating_mul(1000);
-        let rate = fall / i32::try_from(elapsed.as_millis()).unwrap_or(i32::MAX).max(1);
-        self.cools = rate >= COOLS && !commanded;
-        self.falling.count(rate >= FALL && !commanded);
-        self.steady.count(rate < COOLS && egt > self.limit);
+        let millis = i32::try_from(elapsed.as_millis()).unwrap_or(i32::MAX).max(1);
+        self.cools = fall / millis >= COOLS && !commanded;
+        self.falling.count(fall / millis >= FALL && !commanded);
         self.mark = Some((now, egt));
     }
 

@@ -26,9 +26,6 @@ impl Engine {
             Mode::Stop(_) | Mode::Standby => {}
             Mode::Run(Run { life, .. }) | Mode::Pwm { life, .. } => {
                 let doubted = life.in_doubt().is_some();
-                if self.exhaust.burns_on() {
-                    life.burns_on();
-                }
                 let end = life.observe(now, observation, exhaust);
                 let doubts = life.in_doubt().is_some();
                 match end {
@@ -90,8 +87,10 @@ impl Engine {
             && now < status.up_since.map_or(self.started, |up| up.max(self.started)) + REPORT_MAX_AGE;
         match (found, throttle) {
             (Found::Nothing, _) => {}
+            // Two reports of the switch have to agree, too.
+            (Found::Running, _) if status.report.switch.is_none() => {}
             // Its ECU reports that it obeys standby or a stop, and the shaft turns yet: nobody is known to want it to run.
-            (Found::Running, _)
+            (Found::Running | Found::Burning, _)
                 if matches!(
                     status.report.switch.map(|switch| switch.value),
                     Some(ReportedSwitch::Standby | ReportedSwitch::Stop)

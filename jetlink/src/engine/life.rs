@@ -176,7 +176,7 @@ impl Life {
         if record.exhaust_ignored {
             doubt.withheld = Consecutive::AGREE;
         }
-        Self { ran: !record.exhaust_ignored, ..Self::doubted(doubt) }
+        Self { ran: !record.unproven, ..Self::doubted(doubt) }
     }
 
     /// A life of a running engine with this doubt.
@@ -248,16 +248,6 @@ impl Life {
     /// Whether the ECU last reported that it lights the engine. It may also do so uncommanded, while the engine runs and turns.
     pub const fn lights(&self) -> bool {
         self.lights
-    }
-
-    /// The exhaust burns on after a gap, while the ECU sends only faults: had it restarted, the engine would have gone out. It continues as
-    /// without a gap.
-    pub fn burns_on(&mut self) {
-        if self.only_faults()
-            && let Some(doubt) = self.doubt.as_mut().filter(|doubt| doubt.cause == Cause::Gap)
-        {
-            doubt.cause = Cause::Report;
-        }
     }
 
     /// Three expected frames are missing.
@@ -529,9 +519,7 @@ pub(super) struct Finding {
     pub unconfirmed: Duration,
     pub fall_expected: Duration,
     faulted: Consecutive,
-    /// Reports of a running engine, and whether the last one said so by its state.
     alive: Consecutive,
-    runs: bool,
     ending: Consecutive,
     throttle: Option<Throttle>,
 }
@@ -566,7 +554,6 @@ impl Finding {
             fall_expected: Duration::from_ticks(0),
             faulted: Consecutive::NONE,
             alive: Consecutive::NONE,
-            runs: false,
             ending: Consecutive::NONE,
             throttle: None,
         }
@@ -651,9 +638,6 @@ impl Finding {
                     (a, b) => a == b,
                 };
                 self.throttle = throttle;
-                // One that is in a start, or may be, and an odd one of running, are not two of running.
-                let runs = stage == Stage::Running;
-                let same = core::mem::replace(&mut self.runs, runs) == runs && same;
                 if alive {
                     self.alive.count_with_last(same);
                 } else {

@@ -80,7 +80,7 @@ impl Engine {
         let mut finding = Finding::new(now, ran)
             .carrying(all_silent + RESET_TAKES, silent + RESET_TAKES)
             .after_faults(retained.after_faults);
-        finding.given_up = retained.exhaust_ignored;
+        finding.given_up = retained.exhaust_ignored || retained.unproven;
         finding.unconfirmed = retained.unconfirmed + RESET_TAKES;
         finding.fall_expected = retained.fall_expected;
         match retained.order {
@@ -204,8 +204,8 @@ impl Engine {
                     starting,
                     unconfirmed,
                     after_gap: run.life.missed_frames(),
-                    // Of an engine that was found in a state of a start it is not known that it flew.
-                    exhaust_ignored: run.life.ignores_exhaust() || !run.life.ran(),
+                    exhaust_ignored: run.life.ignores_exhaust(),
+                    unproven: ran && !run.life.ran(),
                     after_faults: run.life.after_faults(),
                     steady: STEADY.round_up(steady),
                     fall_expected: FALL_EXPECTED.round(run.lowered.fall_expected(self.at)),

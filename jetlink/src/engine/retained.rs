@@ -12,7 +12,7 @@ use crate::units::{Rpm, Throttle};
 use embassy_time::Duration;
 
 /// Layout number. Change it with the layout, so that the record of an older firmware is discarded.
-const LAYOUT: u32 = 0x4A4C_0009;
+const LAYOUT: u32 = 0x4A4C_000A;
 pub(super) const WORDS: usize = 5;
 /// Position of the fingerprint.
 const FINGERPRINT: usize = 2;
@@ -90,6 +90,8 @@ pub struct RetainedState {
     pub after_gap: bool,
     /// A hot exhaust beside error sets does not show that the engine runs: its order was given up, or its ECU has reported that it does not.
     pub exhaust_ignored: bool,
+    /// The engine was found in a state that a start has, too: nobody knows that it flew.
+    pub unproven: bool,
     /// Error sets came since the last confirmation: of all states only "running" shows that the engine runs.
     pub after_faults: bool,
     /// The thermocouple jumped, or gave what none can: a cold exhaust does not show that the engine has stopped.
@@ -124,6 +126,7 @@ impl RetainedState {
             unconfirmed: Duration::from_ticks(0),
             after_gap: false,
             exhaust_ignored: false,
+            unproven: false,
             after_faults: false,
             egt_distrusted: false,
             steady: Duration::from_ticks(0),
@@ -171,6 +174,7 @@ impl RetainedState {
             arm_commanded,
             must_disarm,
             exhaust_ignored,
+            unproven,
             after_faults,
             unconfirmed,
             fall_expected,
@@ -179,6 +183,7 @@ impl RetainedState {
         Self {
             ran,
             exhaust_ignored,
+            unproven,
             after_faults,
             unconfirmed,
             fall_expected,
@@ -318,6 +323,7 @@ fn pack(record: &RetainedState, fingerprint: u32) -> [u32; WORDS] {
         | u32::from(record.after_gap) << 22
         | u32::from(record.after_faults) << 23
         | u32::from(record.egt_distrusted) << 26
+        | u32::from(record.unproven) << 27
         | FALL_EXPECTED.pack(record.fall_expected)
         | STEADY.pack(record.steady)
         | (record.loss as u32) << LOSS_AT
@@ -377,6 +383,7 @@ fn unpack([flags, value, _, silence, arming]: [u32; WORDS]) -> Option<RetainedSt
         unconfirmed: SILENCE_STEP * if ran { time } else { 0 },
         after_gap: flag(22),
         exhaust_ignored: flag(20),
+        unproven: flag(27),
         after_faults: flag(23),
         egt_distrusted: flag(26),
         steady: STEADY.unpack(flags),
@@ -428,6 +435,7 @@ mod tests {
                         unconfirmed: Duration::from_millis(if flag(3) { 20 * 50 * flags as u64 } else { 0 }),
                         after_gap: flag(6),
                         exhaust_ignored: flag(7),
+                        unproven: flag(1) != flag(7),
                         after_faults: flag(8),
                         egt_distrusted: flag(9),
                         steady: Duration::from_millis(200 * (flags as u64 & 31)),

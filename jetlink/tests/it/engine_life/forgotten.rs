@@ -260,17 +260,110 @@ fn amt_8_a_silence_that_begins_with_a_reset_is_a_gap() {
     }
 }
 
-/// Without a record, one set of a start and one odd set of running are not two sets of running: it is found in a start, with the time of one. The
-/// control: two of running.
+/// Damaged sets at the expected times are no gap after a reset, either. The control: nothing at all.
 #[test]
-fn one_set_of_running_among_those_of_a_start_finds_no_running_engine() {
-    for (odd, starting) in [(1, true), (2, false)] {
-        let mut scenario = Scenario::nothing_received(Ecu::Amt, Ecu::Amt.config());
-        let running = core::iter::repeat_n(0b01100, odd);
-        for state in core::iter::once(0b00010).chain(running).chain([0b00010; 4]) {
-            let _ = scenario.command(run(80));
-            receive(&mut scenario, &report(Ecu::Amt, state, TURNING));
+fn amt_8_damaged_sets_after_a_reset_are_no_gap() {
+    for (damaged, answered) in [(true, true), (false, false)] {
+        let mut scenario = flying(Ecu::Amt).reset(Ecu::Amt.config());
+        scenario.silent();
+        for _ in 0..20 {
+            let _ = scenario.command(run(50));
+            scenario.pass_us(FRAME_PERIOD_US);
+            if damaged {
+                scenario.bench.machine.line_error(LineError::Framing);
+                scenario.bench.receive(&report(Ecu::Amt, 0b01100, TURNING));
+            }
         }
-        assert_eq!(scenario.telemetry().start_by.is_some(), starting, "{odd}: {}", scenario.order());
+        scenario.sent();
+        for _ in 0..8 {
+            scenario.values = Values { fault: 0b1000, half_percents: 100, egt_celsius: -50, rpm: None };
+            let frame = scenario.ecu.frame(Reports::Running, scenario.values);
+            receive(&mut scenario, &frame);
+        }
+        assert_eq!(runs(&mut scenario) > 0, answered, "damaged: {damaged}");
+    }
+}
+
+/// A set with this state, a turning shaft and an exhaust of 600 °C.
+fn hot(state: u8) -> Vec<u8> {
+    let mut frame = report(Ecu::Amt, state, TURNING).to_vec();
+    (frame[3], frame[4]) = (141, 20);
+    frame
+}
+
+fn reset(scenario: &Scenario) -> Scenario {
+    let record = scenario.bench.machine.record();
+    let mut scenario = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), Some(record));
+    scenario.silent();
+    scenario
+}
+
+/// What an ECU has reported of a hot engine does not change what is known of it: one that flew has failed, one that was found in idle calibration is
+/// answered beside a hot exhaust, and another state ends what start clearance withheld. The control: without a reset.
+#[test]
+fn a_reset_takes_start_clearance_for_no_more_than_it_is() {
+    for resets in [false, true] {
+        let again = |scenario: Scenario| if resets { reset(&scenario) } else { scenario };
+        let mut scenario = with_faults(2 * SECOND, 0, run(50), |_| 600);
+        scenario.silent();
+        (0..3).for_each(|_| receive(&mut scenario, &hot(0b00001)));
+        let mut scenario = again(scenario);
+        (0..6).for_each(|_| receive(&mut scenario, &report(Ecu::Amt, 0, 0)));
+        assert_eq!((scenario.order(), scenario.bench.machine.failed()), (Order::Standby, true), "{resets}");
+
+        let mut scenario = with_faults(2 * SECOND, 0, run(50), |_| 600);
+        scenario.silent();
+        (0..2).for_each(|_| receive(&mut scenario, &hot(0b00001)));
+        let mut scenario = reset(&scenario);
+        (0..5).for_each(|_| receive(&mut scenario, &hot(0b01000)));
+        let mut scenario = again(scenario);
+        runs(&mut scenario);
+        for _ in 0..10 {
+            let _ = scenario.command(run(50));
+            receive_faults(&mut scenario, 600);
+        }
+        assert!(runs(&mut scenario) > 0, "{resets}");
+
+        let mut scenario = Scenario::nothing_received(Ecu::Amt, Ecu::Amt.config());
+        for _ in 0..40 {
+            let _ = scenario.command(run(10));
+            receive(&mut scenario, &hot(0b01000));
+        }
+        let mut scenario = again(scenario);
+        for _ in 0..20 {
+            let _ = scenario.command(run(10));
+            receive_faults(&mut scenario, 600);
+        }
+        assert!(runs(&mut scenario) > 0, "{resets}");
+    }
+}
+
+/// One odd switch among those of an ECU that shuts its engine down finds no running engine, nor do its error sets with a hot exhaust. The control: one
+/// odd switch among those at run costs a set.
+#[test]
+fn one_odd_switch_neither_finds_nor_loses_an_engine() {
+    for (first, others, found) in [
+        (amt_frames::RUN, amt_frames::AUTO_STOP, false),
+        (amt_frames::EMERGENCY, amt_frames::AUTO_STOP, false),
+        (amt_frames::AUTO_STOP, amt_frames::RUN, true),
+    ] {
+        let mut scenario = Scenario::nothing_received(Ecu::Amt, Ecu::Amt.config());
+        for i in 0..20 {
+            receive(&mut scenario, &amt_frames::normal(0b01100, if i == 0 { first } else { others }, 60));
+        }
+        assert_eq!(runs(&mut scenario) >= 16, found, "{first} {others}");
+        assert!(found || runs(&mut scenario) == 0, "{first} {others}");
+    }
+    for (switch, answered) in [(amt_frames::AUTO_STOP, false), (amt_frames::RUN, true)] {
+        let mut scenario = after_power_loss();
+        scenario.silent();
+        for _ in 0..10 {
+            let mut frame = amt_frames::normal(0b01100, switch, 60);
+            frame[3] = 141;
+            receive(&mut scenario, &frame);
+        }
+        runs(&mut scenario);
+        (0..3).for_each(|_| receive_faults(&mut scenario, 600));
+        assert_eq!(runs(&mut scenario) > 0, answered, "error sets after switch {switch}");
     }
 }

@@ -125,15 +125,11 @@ fn one_standby_of_a_source_that_was_lost_ends_a_start() {
     }
 }
 
-/// With error sets only a demand rises while the exhaust burns, and not while it cools by more than one step of the raw value in a second.
+/// With error sets only a demand rises while the exhaust burns, and not while it cools, however slowly.
 #[test]
 fn amt_8_a_demand_does_not_rise_while_the_exhaust_cools() {
-    let table: [(Egt, u16); 4] = [
-        (|_| 500, 800),
-        (|t| 500 - (t / 250_000) as i32, 800),
-        (|t| 700 - (t / 100_000) as i32, 500),
-        (|t| 500 + (t / 200_000) as i32, 800),
-    ];
+    let table: [(Egt, u16); 3] =
+        [(|_| 500, 800), (|t| 500 - (t / 200_000) as i32, 500), (|t| 500 + (t / 200_000) as i32, 800)];
     for (egt, tenths) in table {
         let mut scenario = with_faults(10 * SECOND, 1, run(50), egt);
         let from = scenario.now_us();
