@@ -8,8 +8,8 @@ use sim::turbine::Phase;
 const KNOWN: u64 = 3 * SECOND;
 /// Time after the end of a disturbance until everything is normal again.
 const SETTLES: u64 = 1500 * MS;
-/// Time after a gap within which an exhaust shows that it burns on.
-const BURNS_ON: u64 = 4 * SECOND;
+/// Fall of an exhaust over 2 s, °C, that may show two steps of an AMT report, of 4.6 °C each.
+const FALLS: f64 = 4.0;
 
 impl Case<'_> {
     /// Times in which the rules of this file do not bind, each with its name.
@@ -430,14 +430,19 @@ impl Case<'_> {
             let doubted = reset.zip(damaged).is_some_and(|(reset, (from, _))| {
                 h.samples(reset.up + first, from).iter().all(|sample| sample.fault)
             });
-            // After a gap error sets do not say whether it is the same engine, and get no reply: as long as the exhaust has not
-            // shown for 3 s that it burns on, also where its sensor breaks meanwhile.
+            // After a gap error sets do not say whether it is the same engine, and get no reply: none where they come first, nor while the
+            // exhaust falls or cannot be read.
             // It takes three sets to find that out.
             let mut gaps = self.blind.iter().filter(|(from, to)| {
                 to - from > 2 * h.rules.period && (*to < sets || *to <= at && self.faults.contains(*to))
             });
-            let breaks = |to| h.sensor.last_before(at).is_some_and(|(from, _)| from < to + BURNS_ON);
-            let behind_gap = gaps.any(|(_, to)| (to >= since || breaks(to)) && faults(to));
+            let lately = since.saturating_sub(2 * SECOND);
+            let falls = |sample: &Sample| {
+                let before = h.sample(sample.at.saturating_sub(2 * SECOND));
+                before.is_some_and(|before| before.egt >= sample.egt + FALLS)
+            };
+            let unclear = h.sensor.touches(lately, at) || h.samples(lately, at - 100 * MS).iter().any(falls);
+            let behind_gap = gaps.any(|(_, to)| (to >= since || unclear) && faults(to));
             // After a fault only a set that reports running does.
             let fault = self.faults.last_before(at).filter(|(_, to)| *to < sets);
             let after_fault = fault.is_some_and(|(_, to)| {

@@ -455,3 +455,25 @@ fn a_lost_demand_does_not_rise_before_its_source_has_recovered() {
     };
     assert_eq!([starting(true), starting(false)], [false, true]);
 }
+
+/// With all sources silent, an AMT engine in doubt gets standby when the stages of loss have run out. Error sets raise a doubt that another state than
+/// running does not end (845000650).
+#[test]
+fn after_error_sets_only_running_ends_the_doubt_of_an_engine_without_a_source() {
+    let story = |hidden: bool| {
+        flight(AMT, 40.0)
+            .wire(40.0, 41.5, HALF)
+            .ramp(41.5, 500, 0)
+            .wire(42.6, 52.5, IDLE)
+            .wire(52.5, 54.0, STANDBY)
+            .turbine(40.0, 54.0, Phase::Running, 50_000.0, 500.0)
+            .with(|h| {
+                for sample in h.samples.iter_mut() {
+                    sample.fault = (45 * SECOND..50 * SECOND).contains(&sample.at);
+                    sample.hidden = hidden && (50 * SECOND..53 * SECOND).contains(&sample.at);
+                }
+            })
+            .finds(Rule::ShutDown)
+    };
+    assert_eq!([story(true), story(false)], [false, true]);
+}
