@@ -284,7 +284,11 @@ impl Case<'_> {
             let back = at.saturating_sub(rules.recover_after + rules.takeover + SECOND);
             let received = |source| {
                 let last = self.command_log.in_control_for_sure(source, back, rules.recover_after);
-                last.is_some_and(|last| last + held >= at)
+                last.is_some_and(|last| {
+                    // It has commanded run for long enough to take over.
+                    let before = self.command_log.last(source, last.saturating_sub(rules.takeover));
+                    last + held >= at && matches!(before, Some((_, PilotCommand::Run(_))))
+                })
             };
             let silent = !(0..rules.ages.len()).any(received);
             let lost = (0..rules.ages.len())
