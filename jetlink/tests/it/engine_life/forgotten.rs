@@ -1,6 +1,5 @@
 //! What the engine may not forget over a reset, nor when an order is given up.
 
-use super::power_lost::{COMMON_STATES, highest};
 use super::*;
 
 /// Flies, receives nothing for 10 s under a source that commands run, so that the order is given up, and is reset: not at all, warm, or by a
@@ -22,16 +21,6 @@ fn given_up(reset: Option<Reset>) -> Scenario {
 }
 
 const RESETS: [Option<Reset>; 3] = [None, Some(Reset::Warm), Some(Reset::PowerLost)];
-
-pub fn receive_faults(scenario: &mut Scenario, egt_celsius: i32) {
-    scenario.values = Values { fault: 0b110, half_percents: 100, egt_celsius, rpm: None };
-    let frame = scenario.ecu.frame(Reports::Running, scenario.values);
-    receive(scenario, &frame);
-}
-
-pub fn runs(scenario: &mut Scenario) -> usize {
-    scenario.sent().iter().filter(|wire| matches!(wire, Wire::Run(_))).count()
-}
 
 /// The ECU has stopped the engine of an order that was given up. A hot exhaust beside its error sets is no evidence, and the states that a start
 /// and a flight have in common are answered with the throttle of the set. The control: a running engine is found.

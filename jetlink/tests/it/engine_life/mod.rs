@@ -107,3 +107,29 @@ fn with_faults(micros: u64, fault: u8, demand: Command, egt: impl Fn(u64) -> i32
     }
     scenario
 }
+
+/// The states that a start and a flight have in common, and one that no document names.
+const COMMON_STATES: [u8; 4] = [0b00010, 0b00100, 0b01000, 0b11111];
+
+fn receive_faults(scenario: &mut Scenario, egt_celsius: i32) {
+    scenario.values = Values { fault: 0b110, half_percents: 100, egt_celsius, rpm: None };
+    let frame = scenario.ecu.frame(Reports::Running, scenario.values);
+    receive(scenario, &frame);
+}
+
+fn runs(scenario: &mut Scenario) -> usize {
+    scenario.sent().iter().filter(|wire| matches!(wire, Wire::Run(_))).count()
+}
+
+/// Receives sets with this state and a throttle, under a source that commands run, and returns the highest run that was answered, in 0.1 %.
+fn highest(scenario: &mut Scenario, state: u8, half_percents: u8) -> Option<u16> {
+    scenario.sent();
+    for _ in 0..200 {
+        let _ = scenario.command(run(90));
+        let mut frame = report(Ecu::Amt, state, TURNING);
+        frame[4] = half_percents;
+        receive(scenario, &frame);
+    }
+    let runs = scenario.sent().into_iter();
+    runs.filter_map(|wire| if let Wire::Run(tenths) = wire { Some(tenths) } else { None }).max()
+}

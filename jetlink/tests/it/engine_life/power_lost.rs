@@ -1,11 +1,7 @@
 //! What a loss of power that the RAM survives may neither restart nor forget. A warm reset is the control.
 
-use super::forgotten::{receive_faults, runs};
 use super::*;
 use jetlink::channel::Channel;
-
-/// The states that a start and a flight have in common, and one that no document names.
-pub const COMMON_STATES: [u8; 4] = [0b00010, 0b00100, 0b01000, 0b11111];
 
 /// The same engine after a reset, with what such a reset leaves of its record.
 fn after(scenario: &Scenario, reset: Reset) -> Scenario {
@@ -14,19 +10,6 @@ fn after(scenario: &Scenario, reset: Reset) -> Scenario {
     let mut scenario = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), Some(record));
     scenario.silent();
     scenario
-}
-
-/// Receives sets with this state and a throttle, under a source that commands run, and returns the highest run that was answered, in 0.1 %.
-pub fn highest(scenario: &mut Scenario, state: u8, half_percents: u8) -> Option<u16> {
-    scenario.sent();
-    for _ in 0..200 {
-        let _ = scenario.command(run(90));
-        let mut frame = report(Ecu::Amt, state, TURNING);
-        frame[4] = half_percents;
-        receive(scenario, &frame);
-    }
-    let runs = scenario.sent().into_iter();
-    runs.filter_map(|wire| if let Wire::Run(tenths) = wire { Some(tenths) } else { None }).max()
 }
 
 /// A panic or a hang before the runner begins is a warm reset, which must not bring back what the loss of power has taken.
