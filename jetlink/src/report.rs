@@ -98,6 +98,13 @@ pub enum ReportedSwitch {
     Unknown(u8),
 }
 
+impl ReportedSwitch {
+    /// Whether an ECU with this position shuts its engine down.
+    pub const fn ends_a_run(self) -> bool {
+        matches!(self, Self::Standby | Self::Stop)
+    }
+}
+
 /// A frame of a kind that the document does not name, as received.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

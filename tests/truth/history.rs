@@ -749,6 +749,12 @@ impl History {
         Spans::from(&all.map(|((from, _), to)| (*from, to)).collect::<Vec<_>>())
     }
 
+    /// Whether the node lost its memory in this time.
+    pub fn forgets(&self, from_us: u64, to_us: u64) -> bool {
+        let within = |reset: &Reset| reset.cause == Cause::PowerOn && (from_us..to_us).contains(&reset.up);
+        self.resets.iter().any(within)
+    }
+
     /// The times without a node.
     pub fn down(&self) -> Spans {
         Spans::from(&self.resets.iter().map(|reset| (reset.down, reset.up)).collect::<Vec<_>>())

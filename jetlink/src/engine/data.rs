@@ -54,6 +54,8 @@ pub(super) enum Beginning {
         started_before: Duration,
         /// Time for which no source has been in control.
         lost_for: Duration,
+        /// Time for which a fall of the exhaust is expected yet.
+        fall_expected: Duration,
     },
     /// The node was reset with an order in force: in doubt until two reports confirm it.
     Reset(RetainedState),

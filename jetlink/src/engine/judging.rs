@@ -1,14 +1,14 @@
 //! What one frame shows about the life of the engine, and the engine that is found running.
 
 use super::data::{Beginning, Engine, Mode, RESETS_TO_FAIL_SAFE};
-use super::exhaust::Fall;
+use super::exhaust::{FALL_EXPECTED, Fall};
 use super::life::{Finding, Found, Life};
 use super::run::Run;
 use super::sources::Intent;
 use crate::command::{Demand, Origin};
 use crate::event::Event;
 use crate::link::{Link, Observation, Stage};
-use crate::report::{REPORT_MAX_AGE, ReportedSwitch};
+use crate::report::REPORT_MAX_AGE;
 use crate::units::Throttle;
 use embassy_time::{Duration, Instant};
 
@@ -44,14 +44,8 @@ impl Engine {
             }
             Mode::Listen(finding) => {
                 // Without replies for that long, the ECU has stopped its engine.
-                finding.given_up |= self
-                    .link
-                    .reply_timeout()
-                    .and_then(|time| {
-                        let left = time.as_ticks().saturating_sub(finding.unconfirmed.as_ticks());
-                        finding.since.checked_add(Duration::from_ticks(left))
-                    })
-                    .is_some_and(|at| now >= at);
+                finding.given_up |=
+                    self.link.reply_timeout().is_some_and(|time| finding.unconfirmed_at(now) >= time);
                 let found = finding.observe(observation, exhaust, answers);
                 self.found(now, found, observation);
             }
@@ -91,10 +85,7 @@ impl Engine {
             (Found::Running, _) if status.report.switch.is_none() => {}
             // Its ECU reports that it obeys standby or a stop, and the shaft turns yet: nobody is known to want it to run.
             (Found::Running | Found::Burning, _)
-                if matches!(
-                    status.report.switch.map(|switch| switch.value),
-                    Some(ReportedSwitch::Standby | ReportedSwitch::Stop)
-                ) => {}
+                if status.report.switch.is_some_and(|switch| switch.value.ends_a_run()) => {}
             // Whoever commands standby meanwhile may not be the one whose run it is.
             (Found::Running, _) if waits => {
                 if let Mode::Listen(finding) = &mut self.mode {
@@ -104,10 +95,13 @@ impl Engine {
             (Found::NotRunning, _) => self.standby(now, Origin::Node),
             // It has no source, so the stages of loss begin.
             (Found::Running | Found::Burning, throttle) => {
-                let lost_for = match &self.mode {
-                    Mode::Listen(finding) => self.lost_for(now, finding),
-                    _ => Duration::from_ticks(0),
+                let (lost_for, fall_expected) = match &self.mode {
+                    Mode::Listen(finding) => (self.lost_for(now, finding), finding.fall_expected_at(now)),
+                    _ => Default::default(),
                 };
+                // Its demand is lower than the one that its ECU had.
+                let fall_expected =
+                    if lost_for > self.config.loss.hold { FALL_EXPECTED } else { fall_expected };
                 let throttle = self.lost_throttle(lost_for, throttle.unwrap_or(Throttle::IDLE));
                 let demand = Demand::Throttle(throttle);
                 // An interrupted start continues until its ECU reports running. So does a start that no record has.
@@ -126,7 +120,7 @@ impl Engine {
                     _ => Life::found_burning(now),
                 };
                 let started_before = started.filter(|_| !life.reached()).unwrap_or(Duration::from_ticks(0));
-                let beginning = Beginning::Found { life, started_before, lost_for };
+                let beginning = Beginning::Found { life, started_before, lost_for, fall_expected };
                 self.begin(now, demand, Origin::Node, beginning);
                 self.update(now);
                 if let Mode::Run(run) = &mut self.mode {

@@ -591,6 +591,11 @@ impl Finding {
         Self { active_source, ..self }
     }
 
+    /// Time without a reply, that before this search included.
+    pub fn unconfirmed_at(&self, now: Instant) -> Duration {
+        self.unconfirmed + now.saturating_duration_since(self.since)
+    }
+
     /// Time for which a fall of the exhaust is expected yet.
     pub fn fall_expected_at(&self, now: Instant) -> Duration {
         let passed = now.saturating_duration_since(self.since);

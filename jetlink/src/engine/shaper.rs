@@ -178,7 +178,7 @@ impl Shaper {
         self.rising |= within != target;
         let full = self.max_rpm.map_or(NOMINAL_MAX_RPM, Rpm::get);
         // A throttle that is lower than the last one that was sent is on its way.
-        let below = self.moving.demand();
+        let before = self.moving.demand();
         let next = self.moving.follow(now, within, rates, shape, full);
         let demand = self.moving.demand();
         let (Demand::Rpm(rpm), true, Some(settings)) = (demand, shape.governed, config.governor) else {
@@ -187,7 +187,7 @@ impl Shaper {
             self.waits = false;
             return (demand, next);
         };
-        let (throttle, look_again) = self.govern(now, rpm, below, shape, &settings);
+        let (throttle, look_again) = self.govern(now, rpm, before, shape, &settings);
         (Demand::Throttle(throttle), earlier(next, look_again))
     }
 
@@ -257,12 +257,12 @@ impl Shaper {
         }
     }
 
-    /// The throttle that brings the engine to this speed, and when to look at it again. `below`: the demand in force until now.
+    /// The throttle that brings the engine to this speed, and when to look at it again. `before`: the demand in force until now.
     fn govern(
         &mut self,
         now: Instant,
         rpm: Rpm,
-        below: Demand,
+        before: Demand,
         shape: &Shape,
         settings: &GovernorSettings,
     ) -> (Throttle, Option<Instant>) {
@@ -295,8 +295,8 @@ impl Shaper {
             Demand::Throttle(sent) if !core::mem::take(&mut self.doubted) => sent,
             _ => shape.throttle.unwrap_or(Throttle::IDLE),
         };
-        let from = match below {
-            Demand::Throttle(below) => from.min(below),
+        let from = match before {
+            Demand::Throttle(before) => from.min(before),
             Demand::Rpm(_) => from,
         };
         let governor = self.governor.get_or_insert_with(|| Governor::new(now, from));

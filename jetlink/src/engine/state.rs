@@ -53,7 +53,7 @@ impl EngineState {
         let phase = current_phase(now, report);
         let switch = report.switch.map(|switch| switch.value);
         let run = switch == Some(ReportedSwitch::Run);
-        let ending = matches!(switch, Some(ReportedSwitch::Standby | ReportedSwitch::Stop));
+        let ending = switch.is_some_and(ReportedSwitch::ends_a_run);
         match phase {
             Some(Phase::Running | Phase::Starting) if ending => Self::ShuttingDown,
             // Also with an unnamed switch position: the state suffices.

@@ -1,7 +1,6 @@
 //! The steps from one mode to the next. Only this file changes the mode; the decisions are made in the files that call it.
 
 use super::data::{Beginning, Engine, Mode, RESETS_TO_FAIL_SAFE};
-use super::exhaust::FALL_EXPECTED;
 use super::life::{Finding, Life};
 use super::origins::Origins;
 use super::retained::RetainedState;
@@ -82,12 +81,7 @@ impl Engine {
         };
         let fall_expected = match beginning {
             Beginning::Reset(record) => record.fall_expected,
-            // Its demand is lower than the one that its ECU had.
-            Beginning::Found { lost_for, .. } if lost_for > self.config.loss.hold => FALL_EXPECTED,
-            Beginning::Found { .. } => match &self.mode {
-                Mode::Listen(finding) => finding.fall_expected_at(now),
-                _ => Duration::from_ticks(0),
-            },
+            Beginning::Found { fall_expected, .. } => fall_expected,
             _ => Duration::from_ticks(0),
         };
         let started = match beginning {

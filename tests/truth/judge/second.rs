@@ -147,11 +147,7 @@ impl Case<'_> {
             let ran = |sample: &Sample| matches!(sample.phase, Phase::Running | Phase::LearningIdle);
             let begun = self.live.contains(from) && !h.samples(start, known).iter().any(ran);
             // A node without memory takes a start whose shaft turns for a running engine.
-            let forgot = h
-                .resets
-                .iter()
-                .any(|reset| reset.cause == Cause::PowerOn && (start..from).contains(&reset.up));
-            (seen && begun && !forgot).then_some(End {
+            (seen && begun && !h.forgets(start, from)).then_some(End {
                 at: from,
                 known: (known <= to).then_some(known),
                 why: "error sets in a start",

@@ -124,7 +124,7 @@ impl Case<'_> {
             if again && alone && to_us > short { to_us + recovers.saturating_sub(steps) } else { to_us };
         // Another source that comes meanwhile was not lost.
         let other = h.commanded(to_us, until).iter().find(|other| other.source != last.source);
-        let until = other.map_or(until, |other| other.at.max(to_us));
+        let until = other.map_or(until, |other| other.at);
         let retained =
             |reset: &&&Reset| reset.cause == Cause::Watchdog && reset.down > lost + rules.hold + 300 * MS;
         let retained = resets.iter().filter(retained).count();
@@ -134,11 +134,11 @@ impl Case<'_> {
         // A source that is present but commands nothing is not lost.
         let present = h.commanded(from_us, to_us).iter().any(|other| other.command == PilotCommand::Nothing);
         // A reset in a start forgets whose run it was: whoever comes back is a new source.
-        let starting = |reset: &Reset| {
+        let starting = |reset: &&Reset| {
             let reported = reset.down.saturating_sub(self.two_states());
             h.samples(reported, reset.down).iter().any(|sample| !sample.runs())
         };
-        let until = if resets.iter().any(|reset| starting(reset)) { to_us } else { until };
+        let until = if resets.iter().any(starting) { to_us } else { until };
         if until <= lost || present || rules.governor || h.pwm.touches(since, until) {
             return;
         }

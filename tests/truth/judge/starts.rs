@@ -354,10 +354,7 @@ impl Case<'_> {
                 // Without a flame the shaft keeps turning for a while, and the engine may be reported as
                 // running. So may one in a start: a node that has lost its memory takes it for a running one.
                 let lit = self.live.last_before(out.saturating_sub(1)).map_or(out, |(lit, _)| lit);
-                let forgot = h
-                    .resets
-                    .iter()
-                    .any(|reset| reset.cause == Cause::PowerOn && (lit..out).contains(&reset.up));
+                let forgot = h.forgets(lit, out);
                 let burnt = h.samples(out.saturating_sub(10 * SECOND), out);
                 let burnt = burnt.iter().any(|sample| match sample.phase {
                     Phase::LearningIdle | Phase::Running => sample.lit,

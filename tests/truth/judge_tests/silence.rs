@@ -425,8 +425,8 @@ fn a_reset_frees_a_transmitter_that_hangs() {
 #[test]
 fn a_lost_demand_does_not_rise_before_its_source_has_recovered() {
     let run = PilotCommand::Run(Demanded::Throttle(500));
-    let rises = |other: bool| {
-        let story = flight(ZK5, 40.0)
+    let lost = || {
+        flight(ZK5, 40.0)
             .with(|h| (h.rules.recover_after, h.rules.takeover) = (3 * SECOND, 0))
             .wire(40.0, 41.5, HALF)
             .ramp(41.5, 500, 0)
@@ -434,26 +434,22 @@ fn a_lost_demand_does_not_rise_before_its_source_has_recovered() {
             .streams(PILOT, 44.0, 50.0, run)
             .ramp(45.5, 0, 500)
             .wire(46.6, 50.0, HALF)
-            .turbine(40.0, 50.0, Phase::Running, 60_000.0, 500.0);
+    };
+    let rises = |other: bool| {
+        let story = lost().turbine(40.0, 50.0, Phase::Running, 60_000.0, 500.0);
         let story = if other { story.streams(2, 45.3, 50.0, run) } else { story };
         story.finds(Rule::SilentWire)
     };
     assert_eq!([rises(true), rises(false)], [false, true]);
-    let starting = |starts: bool| {
-        let back = flight(ZK5, 40.0)
-            .with(|h| h.rules.recover_after = 3 * SECOND)
-            .wire(40.0, 41.5, HALF)
-            .ramp(41.5, 500, 0)
-            .wire(42.6, 45.0, IDLE)
-            .streams(PILOT, 45.0, 50.0, run)
-            .ramp(45.5, 0, 500)
-            .wire(46.6, 50.0, HALF)
-            .turbine(40.0, 43.7, if starts { Phase::FuelRamp } else { Phase::Running }, 60_000.0, 500.0)
-            .turbine(43.7, 50.0, Phase::Running, 60_000.0, 500.0);
+    let reset_in = |phase: Phase| {
         let reset = Reset { down: micros(43.8), up: micros(43.85), cause: Cause::Watchdog };
-        back.with(|h| h.resets.push(reset)).finds(Rule::SilentWire)
+        lost()
+            .turbine(40.0, 43.7, phase, 60_000.0, 500.0)
+            .turbine(43.7, 50.0, Phase::Running, 60_000.0, 500.0)
+            .with(|h| h.resets.push(reset))
+            .finds(Rule::SilentWire)
     };
-    assert_eq!([starting(true), starting(false)], [false, true]);
+    assert_eq!([reset_in(Phase::FuelRamp), reset_in(Phase::Running)], [false, true]);
 }
 
 /// With all sources silent, an AMT engine in doubt gets standby when the stages of loss have run out. Error sets raise a doubt that another state than

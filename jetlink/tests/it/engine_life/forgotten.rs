@@ -9,15 +9,10 @@ fn given_up(reset: Option<Reset>) -> Scenario {
     scenario.values.egt_celsius = 26;
     scenario.silent().fly_us(run(50), Origin::Rc, 10 * SECOND);
     assert_eq!(scenario.order(), Order::Listen);
-    let record = scenario.bench.machine.record();
-    let record = match reset {
-        None => return scenario,
-        Some(Reset::Warm) => record,
-        Some(_) => record.without_start(),
-    };
-    let mut scenario = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), Some(record));
-    scenario.silent();
-    scenario
+    match reset {
+        None => scenario,
+        Some(reset) => after(&scenario, reset),
+    }
 }
 
 const RESETS: [Option<Reset>; 3] = [None, Some(Reset::Warm), Some(Reset::PowerLost)];
@@ -195,8 +190,7 @@ fn after_faults_without_an_order_only_running_is_answered() {
 }
 
 fn after_power_loss() -> Scenario {
-    let record = flying(Ecu::Amt).bench.machine.record().without_start();
-    Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), Some(record))
+    after(&flying(Ecu::Amt), Reset::PowerLost)
 }
 
 /// The ECU reports "running" and its own switch at standby or stop: it shuts the engine down, and the shaft turns yet. A node without an order does
@@ -227,6 +221,17 @@ fn an_engine_that_its_ecu_shuts_down_is_not_found_running() {
     }
 }
 
+/// Whether error sets get a reply whose exhaust cannot be read.
+fn answers_without_an_exhaust(scenario: &mut Scenario) -> bool {
+    scenario.sent();
+    for _ in 0..8 {
+        scenario.values = Values { fault: 0b1000, half_percents: 100, egt_celsius: -50, rpm: None };
+        let frame = scenario.ecu.frame(Reports::Running, scenario.values);
+        receive(scenario, &frame);
+    }
+    runs(scenario) > 0
+}
+
 /// Nothing is received from a reset on, for three frames: a gap, as without the reset. Error sets without an exhaust that can be read get no
 /// reply then. The control: the ECU is received at once.
 #[test]
@@ -238,13 +243,7 @@ fn amt_8_a_silence_that_begins_with_a_reset_is_a_gap() {
                 scenario = scenario.reset(Ecu::Amt.config());
             }
             scenario.silent().fly_us(run(50), Origin::Rc, silence);
-            scenario.sent();
-            for _ in 0..8 {
-                scenario.values = Values { fault: 0b1000, half_percents: 100, egt_celsius: -50, rpm: None };
-                let frame = scenario.ecu.frame(Reports::Running, scenario.values);
-                receive(&mut scenario, &frame);
-            }
-            assert_eq!(runs(&mut scenario) > 0, answered, "{silence} us, reset: {reset}");
+            assert_eq!(answers_without_an_exhaust(&mut scenario), answered, "{silence} us, reset: {reset}");
         }
     }
 }
@@ -263,13 +262,7 @@ fn amt_8_damaged_sets_after_a_reset_are_no_gap() {
                 scenario.bench.receive(&report(Ecu::Amt, 0b01100, TURNING));
             }
         }
-        scenario.sent();
-        for _ in 0..8 {
-            scenario.values = Values { fault: 0b1000, half_percents: 100, egt_celsius: -50, rpm: None };
-            let frame = scenario.ecu.frame(Reports::Running, scenario.values);
-            receive(&mut scenario, &frame);
-        }
-        assert_eq!(runs(&mut scenario) > 0, answered, "damaged: {damaged}");
+        assert_eq!(answers_without_an_exhaust(&mut scenario), answered, "damaged: {damaged}");
     }
 }
 
@@ -280,19 +273,12 @@ fn hot(state: u8) -> Vec<u8> {
     frame
 }
 
-fn reset(scenario: &Scenario) -> Scenario {
-    let record = scenario.bench.machine.record();
-    let mut scenario = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), Some(record));
-    scenario.silent();
-    scenario
-}
-
 /// What an ECU has reported of a hot engine does not change what is known of it: one that flew has failed, one that was found in idle calibration is
 /// answered beside a hot exhaust, and another state ends what start clearance withheld. The control: without a reset.
 #[test]
 fn a_reset_takes_start_clearance_for_no_more_than_it_is() {
     for resets in [false, true] {
-        let again = |scenario: Scenario| if resets { reset(&scenario) } else { scenario };
+        let again = |scenario: Scenario| if resets { after(&scenario, Reset::Warm) } else { scenario };
         let mut scenario = with_faults(2 * SECOND, 0, run(50), |_| 600);
         scenario.silent();
         (0..3).for_each(|_| receive(&mut scenario, &hot(0b00001)));
@@ -303,7 +289,7 @@ fn a_reset_takes_start_clearance_for_no_more_than_it_is() {
         let mut scenario = with_faults(2 * SECOND, 0, run(50), |_| 600);
         scenario.silent();
         (0..2).for_each(|_| receive(&mut scenario, &hot(0b00001)));
-        let mut scenario = reset(&scenario);
+        let mut scenario = after(&scenario, Reset::Warm);
         (0..5).for_each(|_| receive(&mut scenario, &hot(0b01000)));
         let mut scenario = again(scenario);
         runs(&mut scenario);

@@ -133,3 +133,12 @@ fn highest(scenario: &mut Scenario, state: u8, half_percents: u8) -> Option<u16>
     let runs = scenario.sent().into_iter();
     runs.filter_map(|wire| if let Wire::Run(tenths) = wire { Some(tenths) } else { None }).max()
 }
+
+/// The same engine after a reset, with what such a reset leaves of its record.
+fn after(scenario: &Scenario, reset: Reset) -> Scenario {
+    let record = scenario.bench.machine.record();
+    let record = if reset == Reset::Warm { record } else { record.without_start() };
+    let mut scenario = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), Some(record));
+    scenario.silent();
+    scenario
+}

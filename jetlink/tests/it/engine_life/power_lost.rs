@@ -3,15 +3,6 @@
 use super::*;
 use jetlink::channel::Channel;
 
-/// The same engine after a reset, with what such a reset leaves of its record.
-fn after(scenario: &Scenario, reset: Reset) -> Scenario {
-    let record = scenario.bench.machine.record();
-    let record = if reset == Reset::Warm { record } else { record.without_start() };
-    let mut scenario = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), Some(record));
-    scenario.silent();
-    scenario
-}
-
 /// A panic or a hang before the runner begins is a warm reset, which must not bring back what the loss of power has taken.
 #[test]
 fn what_a_loss_of_power_takes_stays_taken_over_a_reset_before_the_first_change() {
