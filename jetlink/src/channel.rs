@@ -139,22 +139,21 @@ impl Channel {
 
     /// Changes the engine. Interrupts wait meanwhile, so keep it short.
     pub(crate) fn with<T>(&self, act: impl FnOnce(&mut Engine) -> T) -> T {
-        self.engine.lock(|engine| {
-            let engine = &mut *engine.borrow_mut();
-            let result = act(engine);
-            self.retain(engine);
-            result
-        })
+        let result = self.engine.lock(|engine| act(&mut engine.borrow_mut()));
+        // Interrupts may come in between: a byte waits for one of the two, and not for both.
+        self.retain();
+        result
     }
 
     /// Stores what survives a reset, if it has changed. Not a part of `with`, which is compiled once for each input.
     #[inline(never)]
-    fn retain(&self, engine: &mut Engine) {
-        if let Some(retained) = &self.memory
-            && let Some(record) = engine.take_retained()
-        {
-            retained.memory.store(&record, retained.fingerprint);
-        }
+    fn retain(&self) {
+        let Some(retained) = &self.memory else { return };
+        self.engine.lock(|engine| {
+            if let Some(words) = engine.borrow_mut().take_retained() {
+                retained.memory.store_packed(words, retained.fingerprint);
+            }
+        });
     }
 
     /// Inspects the engine. Interrupts wait meanwhile, so keep it short.

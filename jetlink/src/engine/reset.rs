@@ -6,7 +6,7 @@
 use super::data::{Beginning, Engine, Mode, OpenPump, RESETS_TO_FAIL_SAFE};
 use super::life::{Finding, Life};
 use super::origins::Origins;
-use super::retained::{FALL_EXPECTED, RetainedState, STEADY};
+use super::retained::{FALL_EXPECTED, RetainedState, STEADY, WORDS};
 use super::run::Run;
 use super::sources::Restored;
 use crate::command::{Demand, Order, Origin};
@@ -130,14 +130,13 @@ impl Engine {
         }
     }
 
-    /// The state to retain, if it has changed since the last call.
-    pub fn take_retained(&mut self) -> Option<RetainedState> {
+    /// The state to retain, packed, if it has changed since the last call.
+    pub(crate) fn take_retained(&mut self) -> Option<[u32; WORDS]> {
         if !core::mem::take(&mut self.record_stale) {
             return None;
         }
-        let record = self.record();
-        let packed = record.packed();
-        (core::mem::replace(&mut self.last_retained, packed) != packed).then_some(record)
+        let packed = self.record().packed();
+        (core::mem::replace(&mut self.last_retained, packed) != packed).then_some(packed)
     }
 
     /// The state to retain.
@@ -165,9 +164,7 @@ impl Engine {
                 RetainedState {
                     ran: finding.ran,
                     exhaust_ignored: finding.given_up,
-                    unconfirmed: RetainedState::steps(
-                        finding.unconfirmed + self.at.saturating_duration_since(finding.since),
-                    ),
+                    unconfirmed: RetainedState::steps(finding.unconfirmed_at(self.at)),
                     fall_expected: FALL_EXPECTED.round(finding.fall_expected_at(self.at)),
                     after_faults: finding.after_faults,
                     silent: RetainedState::silence(of(finding.lost_for), received),

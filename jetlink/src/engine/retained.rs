@@ -13,7 +13,7 @@ use embassy_time::Duration;
 
 /// Layout number. Change it with the layout, so that the record of an older firmware is discarded.
 const LAYOUT: u32 = 0x4A4C_000A;
-pub(super) const WORDS: usize = 5;
+pub(crate) const WORDS: usize = 5;
 /// Position of the fingerprint.
 const FINGERPRINT: usize = 2;
 /// Resolution of a retained silence, 20 ms, so that a record does not change with every frame.
@@ -201,7 +201,7 @@ impl RetainedState {
 
     /// The words of this state in memory, without the fingerprint. No state gives zeros only.
     pub(super) fn packed(&self) -> [u32; WORDS] {
-        pack(self, 0)
+        pack(self)
     }
 
     /// A time, rounded down to retained steps.
@@ -243,7 +243,13 @@ impl RetainedMemory {
 
     /// Stores a record of the engine with this fingerprint. After a reset, call [`RetainedMemory::repair`] before the first time.
     pub fn store(&self, record: &RetainedState, fingerprint: u32) {
-        self.words.store(&pack(record, fingerprint));
+        self.store_packed(record.packed(), fingerprint);
+    }
+
+    /// The same, of a record that is packed already.
+    pub(crate) fn store_packed(&self, mut words: [u32; WORDS], fingerprint: u32) {
+        words[FINGERPRINT] = fingerprint;
+        self.words.store(&words);
     }
 
     /// Repairs a copy that a reset during a write has left damaged ([`Copies::repair`]).
@@ -301,7 +307,7 @@ impl ShortTime {
 }
 
 #[inline(never)]
-fn pack(record: &RetainedState, fingerprint: u32) -> [u32; WORDS] {
+fn pack(record: &RetainedState) -> [u32; WORDS] {
     let (order, value) = match record.order {
         Order::EmergencyStop => (1, 0),
         Order::Standby => (2, 0),
@@ -339,7 +345,8 @@ fn pack(record: &RetainedState, fingerprint: u32) -> [u32; WORDS] {
     };
     let arming = u32::from(record.arm_commanded) | u32::from(record.must_disarm) << 8 | time << 16;
     let value = value.min((1 << DEMAND_BITS) - 1) | all_silent << DEMAND_BITS;
-    [flags, value, fingerprint, silence, arming]
+    // The fingerprint has its place between them.
+    [flags, value, 0, silence, arming]
 }
 
 fn unpack([flags, value, _, silence, arming]: [u32; WORDS]) -> Option<RetainedState> {
