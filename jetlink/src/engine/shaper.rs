@@ -177,7 +177,6 @@ impl Shaper {
         // A demand that was held must not jump when the maximum is known.
         self.rising |= within != target;
         let full = self.max_rpm.map_or(NOMINAL_MAX_RPM, Rpm::get);
-        // A throttle that is lower than the last one that was sent is on its way.
         let before = self.moving.demand();
         let next = self.moving.follow(now, within, rates, shape, full);
         let demand = self.moving.demand();
@@ -291,13 +290,15 @@ impl Shaper {
         }
         self.incomplete_since = None;
         // The throttle in force is the one that was sent. After a doubt, and after an rpm, it is the one that the ECU reports.
+        let reported = shape.throttle.unwrap_or(Throttle::IDLE);
         let from = match shape.sent {
-            Demand::Throttle(sent) if !core::mem::take(&mut self.doubted) => sent,
-            _ => shape.throttle.unwrap_or(Throttle::IDLE),
-        };
-        let from = match before {
-            Demand::Throttle(before) => from.min(before),
-            Demand::Rpm(_) => from,
+            Demand::Throttle(sent) => {
+                let from = if core::mem::take(&mut self.doubted) { reported } else { sent };
+                // A lower one is on its way.
+                if let Demand::Throttle(before) = before { from.min(before) } else { from }
+            }
+            // A throttle in place of an rpm that was never sent says nothing about the ECU's.
+            Demand::Rpm(_) => reported,
         };
         let governor = self.governor.get_or_insert_with(|| Governor::new(now, from));
         let (throttle, look_again) = governor.throttle(now, settings, rpm, shape.rpm);

@@ -434,6 +434,32 @@ fn the_governor_waits_for_the_reported_throttle() {
     }
 }
 
+/// What the ECU of another version would have been sent meanwhile, idle, is not where the governor continues: the ECU's throttle may be known
+/// before its version is (849001094).
+#[test]
+fn the_governor_resumes_at_the_reported_throttle_although_the_version_follows_later() {
+    let mut governor = Governor::DEFAULT;
+    governor.max_rpm = Rpm::new(160_000);
+    let config = Ecu::Zk.with(|s| s.governor = Some(governor));
+    // The switch was given by ID 6, so that the ECU may hold the speed itself until its version is known.
+    let retained = RetainedState::new(Order::Run(rpm(80_000)), Origin::Rc);
+    let retained = retained.with(|state| (state.armed, state.link) = (true, LinkRecord::new(1)));
+    let mut scenario = Scenario::after_reset(Ecu::Zk, config, Some(retained));
+    scenario.values.rpm = Some(80_000);
+    scenario.reports = Some(Reports::Running);
+    for _ in 0..2 {
+        // ID 3: 60 %.
+        scenario.bench.receive(&zk_frames::status(3, 80_000, [60, 0, 0]));
+    }
+    scenario.fly_us(target(80_000), Origin::Rc, 150_000);
+    assert!(scenario.telemetry().in_doubt.is_none());
+    assert_eq!(scenario.sent(), []);
+    scenario.introduce_version(3);
+    scenario.fly_us(target(80_000), Origin::Rc, SECOND);
+    let sent = throttles(&scenario.sent());
+    assert!(!sent.is_empty() && sent.iter().all(|tenths| (590..=610).contains(tenths)), "{sent:?}");
+}
+
 /// A lost line, or an ECU that reports only faults, is not a lost source: nothing or idle is sent, and nothing shuts the
 /// engine down.
 #[test]
