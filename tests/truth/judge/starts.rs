@@ -182,7 +182,8 @@ impl Case<'_> {
         let began = self.began(start.at, at);
         let longest = |until| self.longest_gap(start.source, start.at, until);
         // Whether it waited is visible at the next slot at the earliest.
-        let waited = began > start.at + self.h.rules.period + 100 * MS;
+        let hung = self.stalled().within(start.at, began);
+        let waited = began > start.at + hung + self.h.rules.period + 100 * MS;
         if waited && began > start.waits_until.saturating_add(self.h.rules.period + 100 * MS) {
             return who("waited, and was cancelled");
         }

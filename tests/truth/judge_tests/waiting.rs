@@ -74,6 +74,28 @@ fn a_start_that_waits_goes_when_it_may() {
     assert!(granted(silent_from(19.8)) && !granted(silent_from(20.5)));
 }
 
+/// 850000180: another source's standby ends a start that waits. One whose frames a transmitter that hangs does not send has begun.
+#[test]
+fn a_start_whose_transmitter_hangs_does_not_wait() {
+    let run = PilotCommand::Run(Demanded::Throttle(0));
+    let story = |hangs: bool| {
+        ready(ZK5)
+            .streams(PILOT, 4.0, 8.0, run)
+            .streams(2, 3.0, 4.5, run)
+            .once(2, 4.6, PilotCommand::Standby)
+            .wire(5.1, 8.0, IDLE)
+            .mark(5.2, Mark::Ignition)
+            .turbine(5.2, 8.0, Phase::Ignition, 5000.0, 20.0)
+            .with(|h| {
+                let hung = (3950 * MS, 5 * SECOND);
+                h.frames.retain(|frame| frame.at < hung.0 || frame.at > hung.1);
+                (h.deaf, h.stalls) = (Spans::from(&[hung]), if hangs { vec![hung.1] } else { vec![] });
+            })
+    };
+    story(true).passes();
+    story(false).breaks(&[Rule::Ignition, Rule::RunAtRest]);
+}
+
 /// 50600090: a start that was ordered and shut down between two AMT sets. The time until another engine's start counts from it.
 #[test]
 fn a_start_of_which_no_frame_was_sent_delays_other_engines() {
