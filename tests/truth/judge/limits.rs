@@ -143,7 +143,7 @@ impl Case<'_> {
         let lost = h.resets.iter().find(|reset| reset.up > at && reset.cause != Cause::Watchdog);
         // It does not outlast the order, which is given up when no set was answered in that time.
         let long = self.order_outlasts();
-        let pairs = h.frames_within(passed, out).windows(2);
+        let pairs = h.frames_within(passed.saturating_sub(long), out).windows(2);
         let gone = pairs.map(|pair| (pair[0].at, pair[1].at)).find(|(from, to)| to - from > long);
         let until = ended.map_or(out, |ended| ended.at).min(lost.map_or(out, |lost| lost.down));
         let until = until.min(gone.filter(|_| self.traits().serial_delay).map_or(out, |(from, _)| from));

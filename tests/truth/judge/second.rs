@@ -112,8 +112,14 @@ impl Case<'_> {
     fn gaps_in_starts(&self) -> Vec<End> {
         let gaps = self.blind.at_least(self.gap());
         let gaps: Vec<(u64, u64)> = gaps.iter().filter(|(from, _)| *from > 0).collect();
+        let running = self.h.times(Sample::runs);
+        let sets = if self.traits().rounds { self.h.rounds().0 } else { 1 };
         let end = |(from, to): (u64, u64)| {
             let stale = self.h.rules.stale * self.one_state();
+            // Two reports that it runs may have come before the ECU lit it again.
+            if running.within(to, to + stale) >= sets * self.h.rules.period {
+                return None;
+            }
             let known = self.two_reports_of(to + stale, |sample| self.is_starting(sample))?;
             let noise = self.h.noise.union(&self.down);
             let seen = !noise.touches(from.saturating_sub(SECOND), to);

@@ -435,6 +435,14 @@ fn what_a_limit_lowered_stays_low_when_the_value_is_within_it_again() {
         [false, false, false, true]
     );
     assert!(finds(ZK5, 46..49));
+    // The last reply was sent just before the limit was exceeded (852000775).
+    let last_reply = |until: u64| {
+        story(1.2, 50.0).with(move |h| {
+            h.rules.kind = AMT;
+            h.frames.retain(|frame| !(40_900 * MS..until * MS).contains(&frame.at));
+        })
+    };
+    assert!(!last_reply(43_400).finds(Rule::Limit) && last_reply(41_500).finds(Rule::Limit));
 }
 
 #[test]

@@ -715,6 +715,17 @@ fn an_engine_that_burns_again_is_not_sent_run() {
         start(kind, 15.0).with(cut).breaks_beside(&beside, &[Rule::SecondLife]);
         start(kind, 15.0).breaks_beside(&beside, &[]);
     }
+    // Where stale reports come first, those after the gap may be of an engine that ran before its ECU lit it again (852001357).
+    let ran = |lasts: u64| {
+        start(ZK5, 15.0).with(cut).with(|h| h.rules.stale = 1).with(move |h| {
+            let runs = 10_500 * MS..11 * SECOND + lasts * MS;
+            for sample in h.samples.iter_mut().filter(|sample| runs.contains(&sample.at)) {
+                (sample.phase, sample.rpm) = (Phase::Running, 50_000.0);
+            }
+        })
+    };
+    ran(600).breaks_beside(&beside, &[]);
+    ran(100).breaks_beside(&beside, &[Rule::SecondLife]);
     let reset = |h: &mut History| {
         h.resets.push(Reset { down: 10_900 * MS, up: 11 * SECOND, cause: Cause::Watchdog });
     };
