@@ -108,6 +108,11 @@ impl Vehicle {
         self.id
     }
 
+    /// The id that was learnt last; 0: none.
+    pub const fn learnt(&self) -> u8 {
+        self.learnt
+    }
+
     /// Whether an autopilot is received that has not been learnt.
     pub fn is_learning(&self, now: Instant) -> bool {
         self.id.is_none() && self.candidate.is_some_and(|candidate| now < candidate.last + RECEIVED_WITHIN)

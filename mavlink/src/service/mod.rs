@@ -143,6 +143,8 @@ pub struct Service<'a, const N: usize, const P: usize, A: Attached = Nothing> {
     pending: Deque<Pending, PENDING>,
     /// How many of them were set when the record that is being saved was made.
     saving: usize,
+    /// The learnt id could not be stored while an engine was not at rest.
+    learnt_waits: bool,
     counters: Counters,
     /// What was handled, for a judge.
     #[cfg(test)]
@@ -253,6 +255,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             confirming: false,
             pending: Deque::new(),
             saving: 0,
+            learnt_waits: false,
             counters: Counters::default(),
             #[cfg(test)]
             handled: std::vec::Vec::new(),

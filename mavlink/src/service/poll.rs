@@ -58,6 +58,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
         }
         #[cfg(feature = "signing")]
         self.cover_from_time_to_time(now);
+        self.store_learnt_at_rest();
         self.report_lost_texts(now);
         self.report_attached(now);
         if now >= self.next_heartbeat {

@@ -164,6 +164,14 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         }
     }
 
+    /// Stores the learnt id again where the memory did not accept it in flight: at rest it may erase.
+    pub(super) fn store_learnt_at_rest(&mut self) {
+        if self.learnt_waits && self.is_at_rest() {
+            self.learnt_waits = false;
+            self.store_learnt(self.vehicle.learnt());
+        }
+    }
+
     /// Whether all records have to be stored again. Returned once.
     pub fn take_rewrite(&mut self) -> bool {
         #[cfg(feature = "signing")]
@@ -321,6 +329,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             // The last one first: the value before it may be that of an earlier one.
             for &Pending { place, index, old, .. } in ended.iter().rev() {
                 if let Some(parameter) = self.parameter(place, index) {
+                    self.learnt_waits |= parameter.row.name == LEARNT && !self.is_at_rest();
                     self.restore(place, parameter, old);
                 }
             }
