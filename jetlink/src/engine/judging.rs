@@ -105,9 +105,9 @@ impl Engine {
                 let throttle = self.lost_throttle(lost_for, throttle.unwrap_or(Throttle::IDLE));
                 let demand = Demand::Throttle(throttle);
                 // An interrupted start continues until its ECU reports running. So does a start that no record has.
-                let (ran, started) = match &self.mode {
-                    Mode::Listen(finding) => (finding.flew(), finding.started),
-                    _ => (false, None),
+                let (ran, started, after_faults) = match &self.mode {
+                    Mode::Listen(finding) => (finding.flew(), finding.started, finding.after_faults),
+                    _ => (false, None, false),
                 };
                 let life = match observation {
                     Observation::State { stage: Stage::Running, .. } => Life::found_running(),
@@ -117,7 +117,7 @@ impl Engine {
                     // In flight, if it ran before. Otherwise the ECU may have begun it just now.
                     Observation::State { .. } if ran => Life::found_running(),
                     Observation::State { .. } => Life::found_turning(now),
-                    _ => Life::found_burning(now),
+                    _ => Life::found_burning(now, after_faults),
                 };
                 let started_before = started.filter(|_| !life.reached()).unwrap_or(Duration::from_ticks(0));
                 let beginning = Beginning::Found { life, started_before, lost_for, fall_expected };

@@ -155,9 +155,13 @@ impl Life {
         Self::handed_over(now, false)
     }
 
-    /// A life found after a reset, by the exhaust alone: in doubt until two reports confirm it.
-    pub const fn found_burning(now: Instant) -> Self {
-        Self::doubted(Doubt { burned: true, faults: true, ..Doubt::after_reset(now) })
+    /// A life found after a reset, by the exhaust alone: in doubt until two reports confirm it. `after_faults`: two error sets came. If not,
+    /// the one by which it was found counts.
+    pub const fn found_burning(now: Instant, after_faults: bool) -> Self {
+        let doubt = Doubt { burned: true, faults: after_faults, ..Doubt::after_reset(now) };
+        let mut life = Self::doubted(doubt);
+        life.faulted.count(!after_faults);
+        life
     }
 
     /// A life after a reset of the node with a hand-over to PWM in force: in doubt until two reports confirm it. `ran`: it reached

@@ -189,6 +189,23 @@ fn after_faults_without_an_order_only_running_is_answered() {
     }
 }
 
+/// After a loss of power a single error set, among sets of an engine that idles in another state than running, is no fault: those after it are
+/// answered. The control: two error sets.
+#[test]
+fn one_error_set_after_a_loss_of_power_costs_no_reply() {
+    for state in [0b00100, 0b01000, 0b11111] {
+        let answered = |sets: usize| {
+            let mut scenario = after_power_loss();
+            receive(&mut scenario, &hot(state));
+            (0..sets).for_each(|_| receive_faults(&mut scenario, 600));
+            scenario.sent();
+            (0..40).for_each(|_| receive(&mut scenario, &hot(state)));
+            runs(&mut scenario)
+        };
+        assert_eq!([1, 2].map(answered), [40, 0], "{state:#b}");
+    }
+}
+
 fn after_power_loss() -> Scenario {
     after(&flying(Ecu::Amt), Reset::PowerLost)
 }
