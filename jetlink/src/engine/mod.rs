@@ -107,6 +107,9 @@ impl Engine {
     pub fn not_sent(&mut self, now: Instant, why: NotSent) {
         self.link.not_sent(now, why);
         self.touch();
+        if let Mode::Run(run) = &mut self.mode {
+            run.demand.handed_out = None;
+        }
         if why == NotSent::TooLate {
             return;
         }

@@ -38,6 +38,10 @@ impl Engine {
                 Mode::Run(run) => run.demand.sent,
                 _ => Demand::Throttle(Throttle::IDLE),
             },
+            in_transit: match &self.mode {
+                Mode::Run(run) => run.demand.handed_out,
+                _ => None,
+            },
             reduced_to: self.config.when_other_fails.filter(|_| self.others_failed > 0),
             governed: !matches!(&self.mode, Mode::Run(run) if run.own_speed_control)
                 && self.link.speed_control().is_err(),

@@ -48,6 +48,8 @@ pub(super) struct Shape {
     pub throttle: Option<Throttle>,
     /// The last demand that was sent completely.
     pub sent: Demand,
+    /// The one that is being sent.
+    pub in_transit: Option<Demand>,
     /// In per mille.
     pub reduced_to: Option<u16>,
     /// The ECU has no speed control, so an rpm needs the governor.
@@ -177,7 +179,6 @@ impl Shaper {
         // A demand that was held must not jump when the maximum is known.
         self.rising |= within != target;
         let full = self.max_rpm.map_or(NOMINAL_MAX_RPM, Rpm::get);
-        let before = self.moving.demand();
         let next = self.moving.follow(now, within, rates, shape, full);
         let demand = self.moving.demand();
         let (Demand::Rpm(rpm), true, Some(settings)) = (demand, shape.governed, config.governor) else {
@@ -186,7 +187,7 @@ impl Shaper {
             self.waits = false;
             return (demand, next);
         };
-        let (throttle, look_again) = self.govern(now, rpm, before, shape, &settings);
+        let (throttle, look_again) = self.govern(now, rpm, shape, &settings);
         (Demand::Throttle(throttle), earlier(next, look_again))
     }
 
@@ -256,12 +257,11 @@ impl Shaper {
         }
     }
 
-    /// The throttle that brings the engine to this speed, and when to look at it again. `before`: the demand in force until now.
+    /// The throttle that brings the engine to this speed, and when to look at it again.
     fn govern(
         &mut self,
         now: Instant,
         rpm: Rpm,
-        before: Demand,
         shape: &Shape,
         settings: &GovernorSettings,
     ) -> (Throttle, Option<Instant>) {
@@ -289,16 +289,14 @@ impl Shaper {
             return (held.unwrap_or(Throttle::IDLE), old_at);
         }
         self.incomplete_since = None;
-        // The throttle in force is the one that was sent. After a doubt, and after an rpm, it is the one that the ECU reports.
-        let reported = shape.throttle.unwrap_or(Throttle::IDLE);
-        let from = match shape.sent {
-            Demand::Throttle(sent) => {
-                let from = if core::mem::take(&mut self.doubted) { reported } else { sent };
-                // A lower one is on its way.
-                if let Demand::Throttle(before) = before { from.min(before) } else { from }
-            }
-            // A throttle in place of an rpm that was never sent says nothing about the ECU's.
-            Demand::Rpm(_) => reported,
+        // The throttle in force is the one that was sent, or a lower one that is being sent. After a doubt, and after an rpm, it is the
+        // one that the ECU reports.
+        let from = match (shape.sent, shape.in_transit) {
+            (Demand::Throttle(sent), next) if !core::mem::take(&mut self.doubted) => match next {
+                Some(Demand::Throttle(next)) => sent.min(next),
+                _ => sent,
+            },
+            _ => shape.throttle.unwrap_or(Throttle::IDLE),
         };
         let governor = self.governor.get_or_insert_with(|| Governor::new(now, from));
         let (throttle, look_again) = governor.throttle(now, settings, rpm, shape.rpm);

@@ -434,6 +434,23 @@ fn the_governor_waits_for_the_reported_throttle() {
     }
 }
 
+/// An engine of version 3 whose governor has continued at 60 % after a reset.
+fn resumed_at_60_percent() -> Scenario {
+    let mut governor = Governor::DEFAULT;
+    governor.max_rpm = Rpm::new(160_000);
+    let config = Ecu::Zk.with(|s| s.governor = Some(governor));
+    let retained = RetainedState::new(Order::Run(rpm(80_000)), Origin::Rc);
+    let retained = retained.with(|state| (state.armed, state.link) = (true, LinkRecord::new(1)));
+    let mut scenario = Scenario::after_reset(Ecu::Zk, config, Some(retained));
+    scenario.values.rpm = Some(80_000);
+    scenario.introduce_version(3);
+    scenario.reports = Some(Reports::Running);
+    for _ in 0..2 {
+        scenario.bench.receive(&zk_frames::status(3, 80_000, [60, 0, 0]));
+    }
+    scenario
+}
+
 /// What the ECU of another version would have been sent meanwhile, idle, is not where the governor continues: the ECU's throttle may be known
 /// before its version is (849001094).
 #[test]
@@ -458,6 +475,33 @@ fn the_governor_resumes_at_the_reported_throttle_although_the_version_follows_la
     scenario.fly_us(target(80_000), Origin::Rc, SECOND);
     let sent = throttles(&scenario.sent());
     assert!(!sent.is_empty() && sent.iter().all(|tenths| (590..=610).contains(tenths)), "{sent:?}");
+}
+
+/// Its source is lost, too, while nothing is received of the ECU: the throttle to which the demand falls is never sent, and the governor continues
+/// from the one that the ECU reports.
+#[test]
+fn a_throttle_that_a_doubt_withholds_is_not_where_the_governor_continues() {
+    for source_is_lost in [false, true] {
+        let mut scenario = resumed_at_60_percent();
+        scenario.fly_us(target(80_000), Origin::Rc, 2 * SECOND);
+        scenario.silent();
+        scenario.fly_us(target(80_000), Origin::Rc, 300_000);
+        if source_is_lost {
+            scenario.pass_us(4 * SECOND);
+            assert_eq!(scenario.telemetry().loss, LossStage::FailSafe);
+        }
+        scenario.fly_us(target(80_000), Origin::Rc, 6 * SECOND);
+        assert!(scenario.telemetry().in_doubt.is_some() && scenario.telemetry().loss == LossStage::None);
+        scenario.sent();
+        scenario.reports = Some(Reports::Running);
+        let mut sent = Vec::new();
+        for _ in 0..10 {
+            scenario.bench.receive(&zk_frames::status(3, 80_000, [60, 0, 0]));
+            scenario.fly_us(target(80_000), Origin::Rc, 100_000);
+            sent.extend(throttles(&scenario.sent()));
+        }
+        assert!(sent.len() > 5 && sent.iter().all(|tenths| (590..=610).contains(tenths)), "{sent:?}");
+    }
 }
 
 /// A lost line, or an ECU that reports only faults, is not a lost source: nothing or idle is sent, and nothing shuts the
