@@ -76,6 +76,9 @@ impl Engine {
         let Mode::Run(run) = &self.mode else { return };
         let (reached, after_faults) = (run.life.reached(), run.life.after_faults());
         let (silent_since, active_source) = (run.silent_since(&self.config), run.active_source);
+        // A silence that began before a reset is longer than this node has run.
+        let carried = (run.carried.silent.as_ticks() > 0 && self.sources.last_command().is_none())
+            .then(|| (run.carried.all_silent + now.saturating_duration_since(run.began), self.silent(run)));
         if !reached {
             self.life_over(now, End::GapInStart);
             return;
@@ -89,8 +92,13 @@ impl Engine {
         }
         self.failed = true;
         // The stages of loss continue from where they were.
-        let silent_since = silent_since.unwrap_or(now);
-        self.listen(now, Finding::given_up(now, silent_since, active_source).after_faults(after_faults));
+        let finding = match carried {
+            Some((all_silent, silent)) => {
+                Finding::given_up(now, now, active_source).carrying(all_silent, silent)
+            }
+            None => Finding::given_up(now, silent_since.unwrap_or(now), active_source),
+        };
+        self.listen(now, finding.after_faults(after_faults));
         self.event(Event::RunCancelled(End::Unconfirmed));
     }
 }

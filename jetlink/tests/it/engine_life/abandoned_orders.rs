@@ -63,6 +63,42 @@ fn an_engine_that_returns_resumes_where_the_stages_of_loss_have_come() {
     assert_eq!(scenario.tenths(), 800, "RC is there");
 }
 
+/// The same over resets: the silence before them counts, whether the order is given up before a reset or after it (853000865). The control: the engine
+/// returns before the hold ends.
+#[test]
+fn the_stages_of_loss_go_on_over_resets_and_an_order_that_is_given_up() {
+    let resumes_at = |resets: &[u64], back: u64, hold: u64| {
+        let config = Ecu::Amt.with(|rules| rules.loss.hold = Duration::from_secs(hold));
+        let mut scenario = Scenario::started_with(Ecu::Amt, config, percent(80));
+        scenario.silent();
+        let mut before = 0;
+        for &reset in resets {
+            scenario.pass_us(reset - before);
+            let record = scenario.bench.machine.record();
+            scenario = Scenario::after_reset(Ecu::Amt, config, Some(record));
+            scenario.silent();
+            before = reset;
+        }
+        scenario.pass_us(back - before);
+        scenario.values.half_percents = 160;
+        scenario.reports = Some(Reports::Running);
+        while !matches!(scenario.order(), Order::Run(_)) {
+            scenario.pass_us(FRAME_PERIOD_US);
+        }
+        scenario.tenths()
+    };
+    let late = 8 * SECOND;
+    for (resets, back) in [
+        (&[][..], late),
+        (&[3 * SECOND], late),
+        (&[3 * SECOND, 5 * SECOND], late),
+        (&[6 * SECOND], late),
+        (&[3_500_000, 4_300_000], 4_800_000),
+    ] {
+        assert_eq!([1, 20].map(|hold| resumes_at(resets, back, hold)), [0, 800], "{resets:?}");
+    }
+}
+
 /// Two commands of standby from the source in control shut an engine down at once, also where its order was given up meanwhile and
 /// the engine was found again: the source is the same.
 #[test]
