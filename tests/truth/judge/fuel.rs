@@ -1,7 +1,7 @@
 //! Fuel into an engine at rest.
 
 use super::case::{Case, Rule, seconds};
-use crate::history::{Frame, MS, PilotCommand, SECOND, Sent, Spans};
+use crate::history::{Commanded, Frame, MS, PilotCommand, SECOND, Sent, Spans};
 use sim::turbine::Phase;
 
 /// Services that move fuel or heat: drain, glow plug, valves, pump, pump held open. The starter does neither.
@@ -39,9 +39,13 @@ impl Case<'_> {
             if !MOVES.contains(&number) || at < reported {
                 continue;
             }
-            let command = h.commanded(at.saturating_sub(10 * SECOND), at).iter().rev();
-            let command =
-                command.clone().find(|commanded| commanded.command == PilotCommand::Service(number));
+            let commands = h.commanded(at.saturating_sub(10 * SECOND), at).iter().rev();
+            let mut commands = commands.filter(|other| other.command == PilotCommand::Service(number));
+            let last = commands.next();
+            // Of two sources that command it in one slot, it is that of the one that may.
+            let together = |other: &&Commanded| last.is_some_and(|last| other.at + h.rules.period >= last.at);
+            let first = |_: &&Commanded| last.is_some_and(|last| self.is_behind(last.source, last.at));
+            let command = commands.take_while(together).find(first).or(last);
             let lately = |time: u64| h.samples(at.saturating_sub(time), at);
             let why = match command {
                 None => Some("no pilot commanded it lately".to_string()),

@@ -112,7 +112,7 @@ impl Case<'_> {
     fn gaps_in_starts(&self) -> Vec<End> {
         let gaps = self.blind.at_least(self.gap());
         let gaps: Vec<(u64, u64)> = gaps.iter().filter(|(from, _)| *from > 0).collect();
-        let running = self.h.times(Sample::runs);
+        let running = self.h.times(|sample| sample.phase == Phase::Running);
         let sets = if self.traits().rounds { self.h.rounds().0 } else { 1 };
         let end = |(from, to): (u64, u64)| {
             let stale = self.h.rules.stale * self.one_state();

@@ -253,7 +253,7 @@ impl Case<'_> {
             if resets > 3 {
                 // It resumes at the fail-safe.
                 by = by.min(reset.up + finds_out + 300 * MS);
-                break;
+                continue;
             }
             by += reset.up - reset.down.max(from_us) + finds_out;
             if reset.cause != Cause::Watchdog {

@@ -177,6 +177,8 @@ fn resets_do_not_keep_a_lost_demand_alive() {
     // Without memory the earlier resets do not count.
     let is_silent = |until, power_on_at| story(until, power_on_at).finds(Rule::SilentWire);
     assert!(is_silent(51, 0) && !is_silent(51, 44_500) && is_silent(58, 44_500));
+    // Nor where there were so many that the demand was at the fail-safe (858000417).
+    assert!(!is_silent(51, 46_000) && is_silent(58, 46_000));
 }
 
 /// A node without memory begins with the demand that its ECU obeys, the last one that reached it.

@@ -214,6 +214,10 @@ fn services_that_move_fuel_are_commanded_in_standby_cold_and_armed() {
     };
     behind(4.3).passes();
     behind(8.0).breaks(&[Rule::Service]);
+    // That one commanded the same in the same slot, or long before (853000234).
+    let too = |at| behind(8.0).once(0, at, PilotCommand::Service(5));
+    too(9.98).passes();
+    too(9.5).breaks(&[Rule::Service]);
 }
 
 #[test]
