@@ -105,6 +105,10 @@ fn lines(engine: &Judged) -> Vec<(u64, String)> {
         };
         lines.push((*at, format!("    valve: {pin}")));
     }
+    for (at, power) in &history.power {
+        let power = power.map_or("floats", |on| if on { "on" } else { "off" });
+        lines.push((*at, format!("    power: {power}")));
+    }
     for reset in &history.resets {
         let retained = if reset.cause == Cause::PowerOn { "nothing retained" } else { "memory whole" };
         lines.push((reset.up, format!("the node begins, {retained}")));

@@ -86,11 +86,17 @@ impl Case<'_> {
             let lately = self.command_log.until(higher, at).iter().rev();
             let mut lately = lately.take_while(|(when, _)| when + long > at);
             let nothing = lately.any(|(_, command)| *command == PilotCommand::Nothing);
-            // A single order to shut down is not a stream.
+            // A single order to shut down is not a stream, nor is a hand-over.
             let streamed = self.command_log.until(higher, at).iter().rev();
-            let streamed = streamed.clone().find(|(_, command)| *command != PilotCommand::ShutDown);
+            let streamed = streamed
+                .clone()
+                .find(|(_, command)| !matches!(command, PilotCommand::ShutDown | PilotCommand::Pwm));
             let steady = |since| {
-                streamed.is_some_and(|(last, _)| *last >= since + rules.recover_after && at >= since + long)
+                streamed.is_some_and(|(last, _)| {
+                    *last >= since + rules.recover_after
+                        && at >= since + long
+                        && at < last + self.command_log.age(higher)
+                })
             };
             !nothing && self.command_log.commands_since(higher, at).is_some_and(steady)
         };

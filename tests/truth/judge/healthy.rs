@@ -420,7 +420,11 @@ impl Case<'_> {
             // temperature can be read.
             let brown_out =
                 h.resets.iter().rev().find(|reset| reset.up <= at && reset.cause == Cause::BrownOut);
-            let unreadable = |up| faults(up) && h.sensor.within(up, sets) == sets.saturating_sub(up);
+            // What is read once the order has been given up comes too late.
+            let unreadable = |up| {
+                let given_up = sets.min(up + h.rules.serial_delay.saturating_sub(4 * h.rules.period));
+                faults(up) && h.sensor.within(up, given_up) == given_up.saturating_sub(up)
+            };
             // In doubt since a reset, after which only error sets arrived, damaged sets get no reply.
             let reset = h.resets.iter().rev().find(|reset| reset.up <= at);
             let damaged = h.noise.last_before(at).filter(|(from, to)| {

@@ -342,6 +342,15 @@ fn an_ecu_does_not_put_out_an_engine_for_want_of_commands() {
     };
     story(AMT).with(faults).with(begun_before).with(early(Cause::PowerOn)).passes();
     story(AMT).with(faults).with(early(Cause::Watchdog)).breaks(&[Rule::GivenUp]);
+    // The order is given up before the exhaust can be read again (859000193).
+    let unread = |until: u64| {
+        story(AMT).with(faults).with(early(Cause::BrownOut)).with(move |h| {
+            h.rules.serial_delay = 2 * SECOND;
+            h.sensor = Spans::from(&[(37 * SECOND, until * MS)]);
+        })
+    };
+    unread(39_400).passes();
+    unread(38_200).breaks(&[Rule::GivenUp]);
     // In doubt since the reset, which only error sets followed: damaged ones are not replied to.
     let noise = |h: &mut History| h.noise = Spans::from(&[(37_950 * MS, 40_200 * MS)]);
     story(AMT).with(faults).with(early(Cause::Watchdog)).with(noise).passes();

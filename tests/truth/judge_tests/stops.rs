@@ -218,6 +218,16 @@ fn services_that_move_fuel_are_commanded_in_standby_cold_and_armed() {
     let too = |at| behind(8.0).once(0, at, PilotCommand::Service(5));
     too(9.98).passes();
     too(9.5).breaks(&[Rule::Service]);
+    // Its hand-over does not keep a source in control that streams no more (853001882).
+    let after = |command| {
+        let age = |h: &mut History| {
+            h.rules.ages[0] = SECOND;
+            h.commanded.retain(|it| it.source != 0 || it.command != PilotCommand::ShutDown);
+        };
+        behind(8.8).with(age).once(0, 9.5, command)
+    };
+    after(PilotCommand::Pwm).passes();
+    after(PilotCommand::Standby).breaks(&[Rule::Service]);
 }
 
 #[test]
