@@ -215,8 +215,11 @@ fn armed(h: &History, brown_out_forgets: bool) -> Vec<(u64, bool)> {
 /// be the one that did. The first of them may have come while nothing was received of the ECU.
 fn is_released(h: &History, release: &Commanded) -> bool {
     let switch = |frame: &Frame| Some((frame.at, frame.sent.switch()?));
-    let mut frames =
-        h.frames_within(release.at + stop_is_late(h), release.at + SECOND).iter().filter_map(switch);
+    // A node without memory has no stop.
+    let forgets = h.resets.iter().find(|reset| reset.cause == Cause::PowerOn && reset.down >= release.at);
+    let until = forgets.map_or(u64::MAX, |reset| reset.down).min(release.at + SECOND);
+    let from = until.min(release.at + stop_is_late(h));
+    let mut frames = h.frames_within(from, until).iter().filter_map(switch);
     frames.next().is_some_and(|(at, switch)| {
         let again = |later: &Commanded| later.command == release.command;
         switch != Switch::Stop && !h.commanded(release.at + 1, at).iter().any(again)

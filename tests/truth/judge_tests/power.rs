@@ -164,4 +164,14 @@ fn an_arming_before_the_release_that_took_effect_powers_no_starter() {
             .finds(Rule::Power)
     };
     assert!(!released_at(1.93) && released_at(2.5));
+    // Standby of a node that lost its memory does not show that the stop was released (858001575).
+    let released_before = |cause| {
+        let reset = Reset { down: 1_980 * MS, up: 1_990 * MS, cause };
+        let story = Story::new(AMT).once(PILOT, 1.0, PilotCommand::Stop);
+        let story = story.once(0, 1.9, PilotCommand::Release).once(0, 1.91, PilotCommand::Arm);
+        let story = story.wire(1.0, 1.85, STOP).wire(2.0, 20.0, STANDBY);
+        let story = story.turbine(0.0, 20.0, Phase::Standby, 0.0, 15.0);
+        story.with(|h| (h.power, h.resets) = (vec![(0, Some(false))], vec![reset])).finds(Rule::Power)
+    };
+    assert_eq!([Cause::Watchdog, Cause::PowerOn].map(released_before), [true, false]);
 }
