@@ -19,8 +19,11 @@ impl Case<'_> {
         // A node that is up repeatedly for less than it takes to find out counts as down.
         let down = self.down.longer(4 * h.rules.period + 100 * MS);
         // After a reset an AMT engine is in doubt, and damaged sets are not replied to.
-        let silent =
-            if self.traits().replies_only { down.union(&h.noise).union(&h.mute) } else { down.clone() };
+        let silent = match self.traits().replies_only {
+            true => down.union(&h.noise).union(&h.mute),
+            // A command after damage comes in the slot after the next.
+            false => down.union(&h.noise_to_ecu.longer(2 * h.rules.period)),
+        };
         // A cut may begin while the node is down.
         let silent = silent.union(&h.deaf);
         // A cut also costs up to a set before it, the one in which it ends, and an AMT set without a state after it, which is not

@@ -273,10 +273,8 @@ fn an_ecu_does_not_put_out_an_engine_for_want_of_commands() {
             h.resets.push(Reset { down, up: down + length_ms * MS, cause: Cause::Watchdog })
         }
     };
-    story(AMT).with(reset(800)).breaks(&[Rule::GivenUp]);
-    story(AMT).with(reset(950)).breaks(&[Rule::GivenUp]);
-    story(AMT).with(reset(1000)).passes();
-    story(AMT).with(reset(2100)).passes();
+    [800, 950].map(|length| story(AMT).with(reset(length)).breaks(&[Rule::GivenUp]));
+    [1000, 2100].map(|length| story(AMT).with(reset(length)).passes());
     // Neither the reset nor the cut that begins in it is as long as the ECU waits; together they are.
     let cut = |from: u64| {
         move |h: &mut History| {
@@ -287,6 +285,15 @@ fn an_ecu_does_not_put_out_an_engine_for_want_of_commands() {
     };
     story(AMT).with(cut(38_300)).breaks_beside(&[Rule::Doubt], &[]);
     story(AMT).with(cut(39_300)).breaks_beside(&[Rule::Doubt], &[Rule::GivenUp]);
+    // Damage just before a reset (860000589).
+    let damaged = |from: u64| {
+        move |h: &mut History| {
+            h.resets.push(Reset { down: 39_600 * MS, up: 39_900 * MS, cause: Cause::Watchdog });
+            h.noise_to_ecu = Spans::from(&[(from * MS, 39_590 * MS)]);
+        }
+    };
+    story(Kind::Zk(3)).with(damaged(38_100)).breaks_beside(&[Rule::Doubt], &[]);
+    story(Kind::Zk(3)).with(damaged(39_580)).breaks_beside(&[Rule::Doubt], &[Rule::GivenUp]);
     // After a loss of power, with error sets only, it is unknown whether it runs. Another reset is no excuse, whatever the
     // exhaust temperature.
     let faults = |h: &mut History| {

@@ -28,6 +28,25 @@ fn a_share_that_is_changed_counts_from_then_on() {
     story(59).breaks(&[Rule::Reduction]);
 }
 
+/// 866001114: the stick moves just after a reset has taken back a share that was set in flight.
+#[test]
+fn a_share_that_a_reset_takes_back_counts_from_then_on() {
+    let run = |tenths| PilotCommand::Run(Demanded::Throttle(tenths));
+    let rises = |taken_back: u64| {
+        let story =
+            flight(ZK5, 40.0).streams(PILOT, 40.0, 50.6, run(500)).streams(PILOT, 50.6, 60.0, run(1000));
+        let story = story.ramp(40.0, 500, 400).wire(40.3, 50.0, Sent::Full(Switch::Run, 400));
+        let story = story.wire(50.2, 50.6, Sent::Full(Switch::Run, 250)).wire(50.6, 60.0, HALF);
+        let story = story.turbine(40.0, 60.0, Phase::Running, 80_000.0, 500.0).with(|h| {
+            let reset = Reset { down: 50 * SECOND, up: 50_050 * MS, cause: Cause::Watchdog };
+            (h.resets, h.shares) = (vec![reset], vec![(30 * SECOND, 800), (taken_back * MS, 500)]);
+            another_fails(h, 40 * SECOND, 70 * SECOND);
+        });
+        story.finds(Rule::Rate)
+    };
+    assert_eq!([50_050, 55_000].map(rises), [false, true]);
+}
+
 #[test]
 fn a_demand_is_reduced_while_another_engine_has_failed() {
     let story = |tenths| {
