@@ -635,6 +635,8 @@ impl Finding {
                     Stage::Rest | Stage::Clearance | Stage::Ignition | Stage::FuelRamp | Stage::Restart => {
                         false
                     }
+                    // The engine flew: its ECU starts it again by itself, on an order that was given up.
+                    Stage::Starting if self.given_up => false,
                     _ => answers && turning && !self.after_faults,
                 };
                 let ends = match stage {

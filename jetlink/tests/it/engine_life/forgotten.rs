@@ -206,6 +206,17 @@ fn one_error_set_after_a_loss_of_power_costs_no_reply() {
     }
 }
 
+/// The ECU starts an engine, whose shaft still turns, after its order was given up: on an order that nobody means any more, as the engine flew. The
+/// control: a node without a record, for which it may be its own start.
+#[test]
+fn a_start_after_an_order_was_given_up_is_not_answered() {
+    for reset in RESETS {
+        assert_eq!(highest(&mut given_up(reset), 0b00010, 100), None, "{reset:?}");
+    }
+    let mut scenario = Scenario::nothing_received(Ecu::Amt, Ecu::Amt.config());
+    assert!(highest(&mut scenario, 0b00010, 100).is_some());
+}
+
 fn after_power_loss() -> Scenario {
     after(&flying(Ecu::Amt), Reset::PowerLost)
 }
