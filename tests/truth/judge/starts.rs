@@ -282,9 +282,11 @@ impl Case<'_> {
             let unseen = h.unpowered.last_before(at).filter(|(from, to)| {
                 let start = starts.iter().rev().find(|start| start.at <= *from).map_or(0, |start| start.at);
                 let shows = if *from < self.reported_by(start, *from) { self.start_time() } else { SECOND };
+                // The set-up set that shows it may be lost in a cut, and one more of before may come after it.
+                let lost = h.rules.stale > 0 && h.mute.contains(to + h.rules.boot);
                 at < to + h.rules.boot + shows
                     && to + h.rules.boot - from < self.gap()
-                    && !self.traits().reports_power_up
+                    && (!self.traits().reports_power_up || lost)
             });
             if let Some((from, to)) = unseen {
                 self.verdict.exempt("outage of the ECU that is shorter than a gap", to + h.rules.boot - from);

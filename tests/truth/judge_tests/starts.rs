@@ -639,6 +639,25 @@ fn an_unreported_start_continues_until_a_gap_can_be_seen() {
     story(9.0).breaks_beside(&[Rule::Doubt], &[Rule::RunAtRest]);
 }
 
+/// 860001509: the set-up set of an AMT ECU is lost in a cut, and one set of before comes after it.
+#[test]
+fn an_outage_in_a_cut_is_not_seen_where_a_set_of_before_follows() {
+    let ignites = |stale: u64, cut: u64| {
+        let story = flight(AMT, 40.0).turbine(40.8, 45.0, Phase::Ignition, 30_000.0, 500.0);
+        let story = story.wire(40.35, 45.0, IDLE).mark(40.8, Mark::Ignition).with(|h| {
+            (h.rules.boot, h.rules.stale) = (50 * MS, stale);
+            h.unpowered = Spans::from(&[(39_900 * MS, 39_950 * MS)]);
+            h.mute = Spans::from(&[(38 * SECOND, cut * MS)]);
+            h.frames.retain(|frame| !(38 * SECOND..40_340 * MS).contains(&frame.at));
+        });
+        story.finds(Rule::Ignition)
+    };
+    assert_eq!(
+        [(1, 40_300), (0, 40_300), (1, 39_980)].map(|(stale, cut)| ignites(stale, cut)),
+        [false, true, true]
+    );
+}
+
 #[test]
 fn the_pwm_input_is_given_the_engine_on_a_pilots_command() {
     let pwm = Sent::Full(Switch::Pwm, 0);

@@ -51,6 +51,24 @@ fn an_engine_that_is_shut_down_goes_out() {
     by_command(PilotCommand::ShutDown, 66.0).with(cut).passes();
 }
 
+/// 866001255: a transmitter that hangs sends no stop, until a reset frees it.
+#[test]
+fn a_stop_is_in_every_slot_but_of_a_transmitter_that_hangs() {
+    let misses = |reset: bool| {
+        let story = flight(ZK5, 40.0).once(PILOT, 40.0, PilotCommand::Stop).wire(40.02, 50.0, STOP);
+        let story = story.turbine(40.0, 50.0, Phase::Stopped, 5000.0, 300.0).with(|h| {
+            let (hangs, freed) = (44 * SECOND, 45_500 * MS);
+            h.deaf = Spans::from(&[(hangs, freed)]);
+            h.frames.retain(|frame| !(hangs..freed).contains(&frame.at));
+            if reset {
+                h.resets.push(Reset { down: freed - 30 * MS, up: freed, cause: Cause::Watchdog });
+            }
+        });
+        story.finds(Rule::Stop)
+    };
+    assert_eq!([true, false].map(misses), [false, true]);
+}
+
 /// Whether a stop at 40 s is over at 45 s, when standby follows it on the wire: its release is streamed from 43 s to `until`.
 fn is_released(until: f64, change: impl FnOnce(&mut History)) -> bool {
     let story = flight(ZK5, 40.0)
