@@ -52,6 +52,10 @@ pub enum Call {
         /// TCP port of the telemetry UART on this machine. Not 5760: ArduPilot's simulator listens there.
         #[arg(long, value_name = "PORT", default_value_t = 5790, value_parser = clap::value_parser!(u16).range(1..))]
         tcp: u16,
+        /// Folder for the raw bytes of each engine's line: NAME-from-ecu.bin for `jetlink decode`, and the board's commands in
+        /// NAME-to-ecu.bin. It is created if it does not exist, and files of these names are overwritten.
+        #[arg(long, value_name = "DIR")]
+        capture: Option<PathBuf>,
     },
     /// Records what four named runs send on each port, as a text file for each run in a folder.
     #[command(name = "emu-record")]

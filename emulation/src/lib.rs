@@ -29,14 +29,15 @@
 //! - [`pulses`]: one with servo pulses, on the board's inputs for them.
 //! - [`recording`]: the bytes sent in four named runs, to compare two states of the firmware.
 //! - [`turnaround`]: how long a reply takes.
-//! - `wire`, `chip`, `quirks`, `log`, `valves`: the far end of a UART, the emulated part, workarounds for the
-//!   emulator, the firmware's log, and the audit of fuel valves.
+//! - `wire`, `capture`, `chip`, `quirks`, `log`, `valves`: the far end of a UART, its bytes in files, the emulated part, workarounds
+//!   for the emulator, the firmware's log, and the audit of fuel valves.
 
 #![deny(missing_docs, unsafe_code)]
 
 pub mod audit;
 pub mod board;
 pub mod bootloader;
+mod capture;
 mod chip;
 mod cpu;
 pub mod engines;

@@ -1,6 +1,7 @@
 //! One run of an image: its setup, and its course.
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::path::Path;
 use std::sync::Arc;
 
 use defmt_decoder::Table;
@@ -16,6 +17,7 @@ use sim::line::Line;
 
 use crate::board::{Board, Part, Uart};
 use crate::bootloader::Bootloader;
+use crate::capture::Capture;
 use crate::chip::Rig;
 use crate::fram::Fram;
 use crate::image::Image;
@@ -229,6 +231,19 @@ impl Run {
         let mut report = self.emulate();
         let complaints = audit::of(&mut report, &expected);
         (report, complaints)
+    }
+
+    /// Writes the bytes of each engine's line into files in this folder (`capture.rs`).
+    ///
+    /// # Errors
+    /// If a file cannot be created.
+    pub fn capture(mut self, folder: &Path) -> Result<Self, std::io::Error> {
+        for engine in engines::of(self.board, self.image) {
+            if let Some(wire) = self.wires.get_mut(engine.port) {
+                wire.capture(Capture::create(folder, engine.name)?);
+            }
+        }
+        Ok(self)
     }
 
     /// Runs forever in real time with the log on the terminal.

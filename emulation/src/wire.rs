@@ -17,6 +17,8 @@ use sim::ecu::{Ecu, LineFault, Nanos};
 use sim::line::{Line, StopBits};
 use sim::wire::{Direction, Entry};
 
+use crate::capture::Capture;
+
 /// What can be connected to a wire: any ECU of `sim`. That of an engine is an [`AnyEcu`], so that its turbine is known.
 pub trait Far: Ecu + Any + Debug + Send {}
 
@@ -81,6 +83,7 @@ pub struct Wire {
     /// Bytes per million that are damaged on their way to the ECU, and the state of the random draw.
     garble: (u32, u64),
     recording: bool,
+    capture: Option<Capture>,
     /// Since when its engine has been cold and at rest, or has not; empty where nothing has an engine here.
     pub(crate) cold: Vec<(Nanos, bool)>,
     /// From the ECU, in the order of time.
@@ -104,6 +107,7 @@ impl Wire {
             babble: None,
             garble: (0, 0),
             recording: true,
+            capture: None,
             cold: Vec::new(),
             rx: Vec::new(),
             tx: Vec::new(),
@@ -200,6 +204,11 @@ impl Wire {
         self.recording = false;
     }
 
+    /// Writes the bytes of both directions into these files.
+    pub(crate) fn capture(&mut self, capture: Capture) {
+        self.capture = Some(capture);
+    }
+
     /// When the run has to stop for this wire, after `now`. A byte that is due needs no stop: the UART requests
     /// it when its receiver is free.
     pub(crate) fn next(&self, now: Nanos) -> Option<Nanos> {
@@ -280,9 +289,13 @@ impl Wire {
     }
 
     fn over(&mut self, end: Nanos, fate: Fate) {
-        if let Some(rx) = self.on_the_line.take()
-            && self.recording
+        let Some(rx) = self.on_the_line.take() else { return };
+        if let Some(capture) = &mut self.capture
+            && fate == Fate::Received
         {
+            capture.received(rx.byte);
+        }
+        if self.recording {
             self.rx.push(Rx { end, fate, ..rx });
         }
     }
@@ -295,6 +308,9 @@ impl uart::Peer for Wire {
         let (end, byte) = (timeline.now().0, word as u8);
         if self.recording {
             self.tx.push(Tx { end, byte });
+        }
+        if let Some(capture) = &mut self.capture {
+            capture.sent(byte);
         }
         let (per_million, state) = &mut self.garble;
         // Knuth's generator: enough to draw which bytes are hit.

@@ -1,6 +1,6 @@
 //! MAVLink of the images against pymavlink, an independent implementation: in real time, with a script of `host/tests/mavlink` at the
-//! telemetry UART's TCP port. `board.py` flies the release image by `cargo emu-run`; `board_signing.py` an image with signing, whose key
-//! is in its F-RAM.
+//! telemetry UART's TCP port. `board.py` flies the release image by `cargo emu-run`, and `efi.py` compares its EFI_STATUS with what the
+//! ECU sent; `board_signing.py` flies an image with signing, whose key is in its F-RAM.
 #![cfg(unix)]
 
 #[path = "../../host/tests/support/process.rs"]
@@ -35,10 +35,16 @@ fn free_port() -> u16 {
     port.expect("a port").port()
 }
 
-/// Plays a script to its successful end.
-fn play(python: PathBuf, script: &str, port: u16) {
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../host/tests/mavlink").join(script);
-    let output = Command::new(python).arg(script).arg(port.to_string()).output().expect("python starts");
+/// A script, which `python` plays.
+fn script(python: &Path, name: &str) -> Command {
+    let mut command = Command::new(python);
+    command.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("../host/tests/mavlink").join(name));
+    command
+}
+
+/// Plays a script of a pilot to its successful end.
+fn play(script: &mut Command, port: u16) {
+    let output = script.arg(port.to_string()).output().expect("python starts");
     let text = String::from_utf8_lossy(&output.stdout);
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success() && text.contains("all as the documents have it"), "{text}{errors}");
@@ -51,17 +57,25 @@ fn play(python: PathBuf, script: &str, port: u16) {
 fn another_implementation_flies_an_emulated_board() {
     let Some(python) = interpreter() else { return };
     let port = free_port();
+    let capture = Path::new(env!("CARGO_TARGET_TMPDIR")).join("pymavlink-capture");
+    let efi_log = capture.with_extension("efi");
     let mut board = Command::new(env!("CARGO_BIN_EXE_emu"))
-        .args(["emu-run", "matek-h743", "--tcp", &port.to_string()])
+        .args(["emu-run", "matek-h743", "--tcp", &port.to_string(), "--capture"])
+        .arg(&capture)
         .stdout(Stdio::piped())
         .spawn()
         .expect("it starts");
     let mut log = BufReader::new(board.stdout.take().expect("piped")).lines().map_while(Result::ok);
-    let _board = Running(board);
+    let board = Running(board);
     log.find(|line| line.contains("the telemetry UART: 127.0.0.1:")).expect("it listens");
     // Unread output would block it.
     std::thread::spawn(move || log.for_each(drop));
-    play(python, "board.py", port);
+    play(script(&python, "board.py").env("EFI_LOG", &efi_log), port);
+    drop(board);
+    let mut judge = script(&python, "efi.py");
+    let judged = judge.args([&capture, &efi_log]).arg("left").output().expect("python starts");
+    assert!(judged.status.success(), "{}", String::from_utf8_lossy(&judged.stderr));
+    println!("{}", String::from_utf8_lossy(&judged.stdout));
 }
 
 /// The F-RAM of a board whose key was set over USB, as the store keeps it: a test of mavlink/ writes it.
@@ -83,5 +97,5 @@ fn an_emulated_board_with_a_key_obeys_what_is_signed_with_it_once_and_nothing_el
     let peer = TcpPeer::listen(port).expect("it listens");
     let run = Run::new(&PIXRACER, Image::Usb).engines().fram(Some(fram_with_key()));
     std::thread::spawn(move || run.tcp(PIXRACER.telemetry.name, peer).live_until(300 * SECOND));
-    play(python, "board_signing.py", port);
+    play(&mut script(&python, "board_signing.py"), port);
 }

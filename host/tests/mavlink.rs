@@ -101,7 +101,7 @@ fn another_implementation_flies_the_rig() {
     assert!(!errors.contains("Exception"), "{errors}");
     println!("{text}");
     // Each EFI_STATUS is what the simulated ECU had sent.
-    let judged = Command::new(python).arg(script("efi.py")).args([&capture, &log]).output();
+    let judged = Command::new(python).arg(script("efi.py")).args([&capture, &log, "left", "right"]).output();
     let judged = judged.expect("python starts");
     let text = String::from_utf8_lossy(&judged.stdout);
     assert!(judged.status.success(), "{text}{}", String::from_utf8_lossy(&judged.stderr));

@@ -19,7 +19,7 @@ fn name(image: Image) -> &'static str {
 fn main() -> ExitCode {
     let result = match Call::parse() {
         Call::Test { filters } => test(&filters),
-        Call::Run { board, image, tcp } => run(&board, &image, tcp),
+        Call::Run { board, image, tcp, capture } => run(&board, &image, tcp, capture.as_deref()),
         Call::Record { folder } => record(&folder),
         Call::Compare { folder } => compare(&folder),
         Call::Build => build_all(),
@@ -104,18 +104,23 @@ fn test(filters: &[String]) -> Result<(), String> {
     Ok(())
 }
 
-fn run(board: &str, image: &str, tcp: u16) -> Result<(), String> {
+fn run(board: &str, image: &str, tcp: u16, capture: Option<&Path>) -> Result<(), String> {
     let board = Board::by_name(board).ok_or_else(|| format!("There is no board \"{board}\"."))?;
     let image = Image::ALL.into_iter().find(|one| name(*one) == image);
     let image = image.ok_or("There is no such image.")?;
     build(board, image)?;
+    let mut run = Run::new(board, image).engines();
+    if let Some(folder) = capture {
+        let written = run.capture(folder);
+        run = written.map_err(|error| format!("{} cannot be written: {error}.", folder.display()))?;
+    }
     let peer = TcpPeer::listen(tcp).map_err(|error| format!("TCP port {tcp} cannot be opened: {error}."))?;
     println!("{} with an ECU on:", board.title);
     for engine in emulation::engines::of(board, image) {
         println!("  {}: {}, {}, {} baud", engine.port, engine.name, engine.config(), engine.line.baud);
     }
     println!("{}, the telemetry UART: 127.0.0.1:{tcp}. Ctrl-C ends.\n", board.telemetry.name);
-    Run::new(board, image).engines().tcp(board.telemetry.name, peer).live();
+    run.tcp(board.telemetry.name, peer).live();
     Ok(())
 }
 

@@ -4,7 +4,7 @@ the telemetry UART, which carries both. In real time; the engine flown is the fi
 import sys
 
 from peers import *
-from pilot import RUNNING, STANDBY, cancelled, emergency, parameters, refusals
+from pilot import RUNNING, STANDBY, cancelled, emergency, parameters, record, refusals
 
 CENTRE, BOOSTER = 28, 29
 COMPONENTS = (NODE, LEFT, RIGHT, CENTRE, BOOSTER)
@@ -100,7 +100,10 @@ def main():
     parameters(line, LEFT, COMPONENTS, 60)
     restarted = restart(line)
     refusals(line, line, LEFT)
+    mark = len(line.received)
     flight(line)
+    wait(5)
+    record(line, mark)
     cancelled(line, CENTRE)
     emergency(line, BOOSTER, RIGHT)
     # A node that restarts cuts the frame that it was sending.

@@ -1,5 +1,5 @@
-"""Whether each EFI_STATUS was what the engine's ECU had sent: `efi.py CAPTURE LOG`, a folder of `jetlink rig --capture` and a file of
-pilot.py. The bytes are read here by the documents of the protocols (docs/protocols.md), and not with the node's code."""
+"""Whether each EFI_STATUS was what the engine's ECU had sent: `efi.py CAPTURE LOG ENGINE...`, a folder of `jetlink rig --capture` or
+`cargo emu-run --capture`, a file of pilot.py, and which engines are in it. The bytes are read here by the documents of the protocols (docs/protocols.md), and not with the node's code."""
 
 import os
 import sys
@@ -41,18 +41,19 @@ def amt(data):
             yield frame[1] * 500, frame[2] * 4.6 - 50, 0, frame[3] / 2
 
 
-ENGINES = {"26": ("left", amt), "27": ("right", zk)}
+ENGINES = {"left": ("26", amt), "right": ("27", zk)}
 # Of a value in these messages: the ECUs' own steps are larger.
 RESOLUTION = 0.05
 
 
-def main(capture, log):
-    messages = {component: [] for component in ENGINES}
+def main(capture, log, *engines):
+    messages = {ENGINES[name][0]: [] for name in engines}
     with open(log) as lines:
         for line in lines:
             component, *values = line.split()
             messages[component].append([float(value) for value in values])
-    for component, (name, read) in ENGINES.items():
+    for name in engines:
+        component, read = ENGINES[name]
         with open(os.path.join(capture, f"{name}-from-ecu.bin"), "rb") as file:
             sent = list(read(file.read()))
         # In the order of the bytes: none is older than the one before it.

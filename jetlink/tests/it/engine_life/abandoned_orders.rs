@@ -66,7 +66,7 @@ fn an_engine_that_returns_resumes_where_the_stages_of_loss_have_come() {
 /// The same over resets: the silence before them counts, whether the order is given up before a reset or after it (853000865). The control: the engine
 /// returns before the hold ends.
 #[test]
-fn the_stages_of_loss_go_on_over_resets_and_an_order_that_is_given_up() {
+fn the_stages_of_loss_continue_over_resets_and_an_order_that_is_given_up() {
     let resumes_at = |resets: &[u64], back: u64, hold: u64| {
         let config = Ecu::Amt.with(|rules| rules.loss.hold = Duration::from_secs(hold));
         let mut scenario = Scenario::started_with(Ecu::Amt, config, percent(80));
