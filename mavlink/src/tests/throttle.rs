@@ -470,7 +470,7 @@ fn a_vehicle_that_was_learnt_is_known_at_once_after_a_reset_in_flight() {
 }
 
 /// Ours is received again just as an engine is started, and the store is full, which only helps itself at rest. The control: a store that does not
-/// accept it at rest either is asked once.
+/// accept it at rest either gets a single request.
 #[test]
 fn an_id_that_a_full_store_refused_in_flight_is_stored_at_rest() {
     for result in [Ok(()), Err(NotSaved::Failed)] {

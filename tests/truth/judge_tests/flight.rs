@@ -273,8 +273,8 @@ fn an_ecu_does_not_put_out_an_engine_for_want_of_commands() {
             h.resets.push(Reset { down, up: down + length_ms * MS, cause: Cause::Watchdog })
         }
     };
-    [800, 950].map(|length| story(AMT).with(reset(length)).breaks(&[Rule::GivenUp]));
-    [1000, 2100].map(|length| story(AMT).with(reset(length)).passes());
+    [800, 950].into_iter().for_each(|length| story(AMT).with(reset(length)).breaks(&[Rule::GivenUp]));
+    [1000, 2100].into_iter().for_each(|length| story(AMT).with(reset(length)).passes());
     // Neither the reset nor the cut that begins in it is as long as the ECU waits; together they are.
     let cut = |from: u64| {
         move |h: &mut History| {
