@@ -563,13 +563,6 @@ impl Finding {
         }
     }
 
-    /// A search for an engine whose order was given up, with sources that fell silent earlier.
-    pub const fn given_up(now: Instant, silent_since: Instant, active_source: Origin) -> Self {
-        Self { given_up: true, ..Self::new(now, true) }
-            .silent_since(silent_since)
-            .controlled_by(active_source)
-    }
-
     /// Adds that error sets came before.
     pub const fn after_faults(self, after_faults: bool) -> Self {
         Self { after_faults, ..self }
@@ -578,11 +571,6 @@ impl Finding {
     /// Whether the engine flew until this search began.
     pub const fn flew(&self) -> bool {
         self.ran && !self.given_up
-    }
-
-    /// Adds sources that fell silent earlier.
-    pub const fn silent_since(self, silent_since: Instant) -> Self {
-        Self { silent_since, ..self }
     }
 
     /// Adds a start that was ordered this long ago and interrupted by a reset.

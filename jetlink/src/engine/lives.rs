@@ -1,12 +1,11 @@
 //! The life of a run: what a gap and the end of a doubt do to it, and what its end does to the order.
 
 use super::data::{Engine, Mode};
-use super::life::Finding;
 use super::run::Run;
 use crate::command::Origin;
 use crate::event::{End, Event};
 use crate::link::Link;
-use embassy_time::Instant;
+use embassy_time::{Duration, Instant};
 
 impl Engine {
     /// Ends the order, because the life that it belongs to is over.
@@ -74,11 +73,8 @@ impl Engine {
     /// it resumes as one that was found running. A start ends.
     pub(super) fn give_up_order(&mut self, now: Instant) {
         let Mode::Run(run) = &self.mode else { return };
-        let (reached, after_faults) = (run.life.reached(), run.life.after_faults());
-        let (silent_since, active_source) = (run.silent_since(&self.config), run.active_source);
-        // A silence that began before a reset is longer than this node has run.
-        let carried = (run.carried.silent.as_ticks() > 0 && self.sources.last_command().is_none())
-            .then(|| (run.carried.all_silent + now.saturating_duration_since(run.began), self.silent(run)));
+        let (reached, silent_since) = (run.life.reached(), run.silent_since(&self.config));
+        let began_here = run.carried.silent.as_ticks() == 0;
         if !reached {
             self.life_over(now, End::GapInStart);
             return;
@@ -91,14 +87,15 @@ impl Engine {
             return;
         }
         self.failed = true;
-        // The stages of loss continue from where they were.
-        let finding = match carried {
-            Some((all_silent, silent)) => {
-                Finding::given_up(now, now, active_source).carrying(all_silent, silent)
-            }
-            None => Finding::given_up(now, silent_since.unwrap_or(now), active_source),
-        };
-        self.listen(now, finding.after_faults(after_faults));
+        // The stages of loss continue from where they were, as after a reset.
+        let mut finding = Self::search(now, &self.record());
+        finding.given_up = true;
+        // Of a silence that began here the begin is known.
+        if let Some(since) = silent_since.filter(|_| began_here) {
+            (finding.carried, finding.lost_for) = (Duration::from_ticks(0), Duration::from_ticks(0));
+            finding.silent_since = since;
+        }
+        self.listen(now, finding);
         self.event(Event::RunCancelled(End::Unconfirmed));
     }
 }

@@ -75,7 +75,7 @@ impl Engine {
     }
 
     /// The search for the engine of a record.
-    fn search(now: Instant, retained: &RetainedState) -> Finding {
+    pub(super) fn search(now: Instant, retained: &RetainedState) -> Finding {
         let RetainedState { ran, silent, all_silent, origin, starting, .. } = *retained;
         let mut finding = Finding::new(now, ran)
             .carrying(all_silent + RESET_TAKES, silent + RESET_TAKES)
@@ -228,7 +228,7 @@ impl Engine {
 
     /// Silence of the source in control, or the time since it was lost, resets included: a source that comes and goes does not
     /// restart the stages of loss. One that waits to take over is in control.
-    pub(super) fn silent(&self, run: &Run) -> Duration {
+    fn silent(&self, run: &Run) -> Duration {
         let since = |at| self.at.saturating_duration_since(at);
         if let Some(last) = run.taking_over.and_then(|(waits, _)| self.sources.last_commanded(waits)) {
             return since(last);
