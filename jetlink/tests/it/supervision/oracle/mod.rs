@@ -514,14 +514,19 @@ impl Oracle {
                 self.waiting = Some((origin, since));
                 // While the transmitter hangs, no frame shows the demand in force.
                 self.maybe_close |= at < self.hung.1;
+                // A lost demand has fallen since the last frame, by this part of its range in 0.1 %.
+                let ramp = if self.lost { u64::from(self.config.supervision.loss.ramp) } else { 0 };
+                let fallen =
+                    u32::try_from(ramp * at.saturating_sub(self.last_frame) / SECOND).unwrap_or(1000);
                 self.maybe_close |= match demand {
                     Demand::Throttle(throttle) => {
                         let active_before = match self.control_demand {
                             Some(Demand::Throttle(active_before)) => active_before.tenths(),
                             _ => self.throttle,
                         };
-                        let from =
-                            outside(throttle.tenths().into(), self.throttle.into(), active_before.into());
+                        let low = u32::from(self.throttle).saturating_sub(fallen).min(active_before.into());
+                        let high = self.throttle.max(active_before);
+                        let from = outside(throttle.tenths().into(), low, high.into());
                         from <= u32::from(takeover.throttle_band.tenths()) + 20
                     }
                     Demand::Rpm(rpm) => {
@@ -529,8 +534,9 @@ impl Oracle {
                             Some(Demand::Rpm(active_before)) => active_before.get(),
                             _ => self.rpm,
                         };
-                        !self.speed_control
-                            || outside(rpm.get(), self.rpm, active_before) <= takeover.rpm_band.get() + 500
+                        let low = self.rpm.saturating_sub(self.max_rpm / 1000 * fallen).min(active_before);
+                        let from = outside(rpm.get(), low, self.rpm.max(active_before));
+                        !self.speed_control || from <= takeover.rpm_band.get() + 500
                     }
                 };
                 self.may_have_risen(at, demand);
