@@ -28,6 +28,7 @@ mod lives;
 mod origins;
 mod pump;
 mod ramp;
+mod record;
 mod reset;
 mod run;
 mod sending;

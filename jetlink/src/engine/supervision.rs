@@ -113,15 +113,6 @@ impl Engine {
         }
     }
 
-    /// Whether a source was received since the node started.
-    pub(super) fn source_received(&self) -> bool {
-        match &self.mode {
-            // Commands of a lower source must not prolong the hold of a lost source's demand.
-            Mode::Run(run) => self.sources.has_commanded(run.in_control()),
-            _ => self.sources.last_command().is_some(),
-        }
-    }
-
     /// Ends the count of resets without a source once one is received, also for an order of which that source is no part.
     fn count_resets(&mut self) {
         if self.source_received() {
