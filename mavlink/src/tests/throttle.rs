@@ -4,8 +4,6 @@ use super::world::*;
 use crate::dialect::{HEARTBEAT_DATA, RC_CHANNELS_OVERRIDE_DATA};
 use crate::frame::Address;
 use crate::ids::{CMD_USER_1, MODE_ARMED};
-use crate::service::ParameterStorage;
-use crate::store::NotSaved;
 use embassy_time::{Duration, Instant};
 use jetlink::command::{Command, Demand, Order, Origin};
 use jetlink::config::{EngineConfig, LinkSettings};
@@ -467,46 +465,6 @@ fn a_vehicle_that_was_learnt_is_known_at_once_after_a_reset_in_flight() {
         world.restart_service();
         assert_eq!(world.service.borrow().system_id(), Some(SYSTEM + 1));
     });
-}
-
-/// Ours is received again just as an engine is started, and the store is full, which only helps itself at rest. The control: a store that does not
-/// accept it at rest either gets a single request.
-#[test]
-fn an_id_that_a_full_store_refused_in_flight_is_stored_at_rest() {
-    for result in [Ok(()), Err(NotSaved::Failed)] {
-        run(async |world| {
-            let learnt = || world.service.borrow().settings().identity.learnt;
-            let asks = |result| {
-                let asks = world.service.borrow_mut().next_save().is_some();
-                asks.then(|| world.service.borrow_mut().saved(Instant::now(), result)).is_some()
-            };
-            world.ready().await;
-            world.service.borrow_mut().set_parameter_storage(ParameterStorage::Stored);
-            world.plane.alive.set(false);
-            for _ in 0..14 {
-                world.pass_s(1.0).await;
-                let from = Address { system: SYSTEM + 1, component: 1 };
-                world.say(
-                    TO_AUTOPILOT,
-                    from,
-                    &HEARTBEAT_DATA { mavtype: 1, autopilot: 3, ..Default::default() },
-                );
-            }
-            assert!(asks(Ok(())) && learnt() == SYSTEM + 1);
-            world.plane.alive.set(true);
-            world.pass_s(2.5).await;
-            world.start(1).await;
-            assert!(asks(Err(NotSaved::Full)) && learnt() == SYSTEM + 1);
-            world.pass_s(10.0).await;
-            assert!(!asks(Ok(())), "in flight");
-            assert_eq!(world.control(1, &[0.0]).await.0, Some(0));
-            world.cold(1).await;
-            assert!(asks(result));
-            assert_eq!(learnt(), if result.is_ok() { SYSTEM } else { SYSTEM + 1 });
-            world.pass_s(10.0).await;
-            assert!(!asks(Ok(())));
-        });
-    }
 }
 
 /// PX4 as its source has it: a stream for each instance of its outputs, where a requested rate affects only the first, and 0 for an
