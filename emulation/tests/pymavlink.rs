@@ -10,52 +10,23 @@ mod python;
 
 use emulation::{Fram, Image, PIXRACER, Run};
 use process::Running;
-use python::{PYMAVLINK, python};
+use python::{check, check_pilot, free_port, interpreter, script};
 use rigless::chip::uart::TcpPeer;
 use sim::ecu::SECOND;
 use std::io::{BufRead, BufReader};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
-
-/// The environment's interpreter. `None` says why there is none, and fails in CI.
-fn interpreter() -> Option<PathBuf> {
-    match python() {
-        Ok(python) => Some(python),
-        Err(why) => {
-            assert!(std::env::var_os("CI").is_none(), "{why}");
-            eprintln!("NOT RUN: the emulated board against {PYMAVLINK}: {why}");
-            None
-        }
-    }
-}
-
-/// A port that is not in use.
-fn free_port() -> u16 {
-    let port = std::net::TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr());
-    port.expect("a port").port()
-}
-
-/// A script, which `python` plays.
-fn script(python: &Path, name: &str) -> Command {
-    let mut command = Command::new(python);
-    command.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("../host/tests/mavlink").join(name));
-    command
-}
 
 /// Plays a script of a pilot to its successful end.
 fn play(script: &mut Command, port: u16) {
     let output = script.arg(port.to_string()).output().expect("python starts");
-    let text = String::from_utf8_lossy(&output.stdout);
-    let errors = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success() && text.contains("all as the documents have it"), "{text}{errors}");
-    assert!(!errors.contains("Exception"), "{errors}");
-    println!("{text}");
+    check_pilot(&output);
 }
 
 #[test]
 #[ignore = "1.5 minutes in real time, and installs pymavlink with pip: cargo emu -- --ignored"]
 fn another_implementation_flies_an_emulated_board() {
-    let Some(python) = interpreter() else { return };
+    let Some(python) = interpreter("the emulated board") else { return };
     let port = free_port();
     let capture = Path::new(env!("CARGO_TARGET_TMPDIR")).join("pymavlink-capture");
     let efi_log = capture.with_extension("efi");
@@ -74,8 +45,7 @@ fn another_implementation_flies_an_emulated_board() {
     drop(board);
     let mut judge = script(&python, "efi.py");
     let judged = judge.args([&capture, &efi_log]).arg("left").output().expect("python starts");
-    assert!(judged.status.success(), "{}", String::from_utf8_lossy(&judged.stderr));
-    println!("{}", String::from_utf8_lossy(&judged.stdout));
+    check(&judged, "as the ECU sent");
 }
 
 /// The F-RAM of a board whose key was set over USB, as the store keeps it: a test of mavlink/ writes it.
@@ -92,7 +62,7 @@ fn fram_with_key() -> Fram {
 #[test]
 #[ignore = "1 minute in real time, and installs pymavlink with pip: cargo emu -- --ignored"]
 fn an_emulated_board_with_a_key_obeys_what_is_signed_with_it_once_and_nothing_else() {
-    let Some(python) = interpreter() else { return };
+    let Some(python) = interpreter("the emulated board") else { return };
     let port = free_port();
     let peer = TcpPeer::listen(port).expect("it listens");
     let run = Run::new(&PIXRACER, Image::Usb).engines().fram(Some(fram_with_key()));

@@ -749,6 +749,11 @@ impl History {
         Spans::from(&all.map(|((from, _), to)| (*from, to)).collect::<Vec<_>>())
     }
 
+    /// The last reset that was over at an instant.
+    pub fn last_reset(&self, at: u64) -> Option<&Reset> {
+        self.resets.iter().rev().find(|reset| reset.up <= at)
+    }
+
     /// Whether the node lost its memory in this time.
     pub fn forgets(&self, from_us: u64, to_us: u64) -> bool {
         let within = |reset: &Reset| reset.cause == Cause::PowerOn && (from_us..to_us).contains(&reset.up);

@@ -109,12 +109,12 @@ fn run(board: &str, image: &str, tcp: u16, capture: Option<&Path>) -> Result<(),
     let image = Image::ALL.into_iter().find(|one| name(*one) == image);
     let image = image.ok_or("There is no such image.")?;
     build(board, image)?;
+    let peer = TcpPeer::listen(tcp).map_err(|error| format!("TCP port {tcp} cannot be opened: {error}."))?;
     let mut run = Run::new(board, image).engines();
     if let Some(folder) = capture {
         let written = run.capture(folder);
         run = written.map_err(|error| format!("{} cannot be written: {error}.", folder.display()))?;
     }
-    let peer = TcpPeer::listen(tcp).map_err(|error| format!("TCP port {tcp} cannot be opened: {error}."))?;
     println!("{} with an ECU on:", board.title);
     for engine in emulation::engines::of(board, image) {
         println!("  {}: {}, {}, {} baud", engine.port, engine.name, engine.config(), engine.line.baud);

@@ -1,17 +1,55 @@
-//! A virtual environment with the pinned pymavlink, made once.
+//! pymavlink: a virtual environment with the pinned one, made once, and the scripts of `host/tests/mavlink` that it plays.
 
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Output};
 use std::sync::OnceLock;
 
 /// The package and its version.
-pub const PYMAVLINK: &str = "pymavlink==2.4.50";
+const PYMAVLINK: &str = "pymavlink==2.4.50";
 
 /// The interpreter with pymavlink, or why there is none. Tests run side by side: the first that asks makes the environment, the
 /// others wait for it.
 pub fn python() -> Result<PathBuf, String> {
     static PYTHON: OnceLock<Result<PathBuf, String>> = OnceLock::new();
     PYTHON.get_or_init(environment).clone()
+}
+
+/// The same. `None`: the test does not run, which fails in CI.
+pub fn interpreter(test: &str) -> Option<PathBuf> {
+    python()
+        .map_err(|why| {
+            assert!(std::env::var_os("CI").is_none(), "{why}");
+            eprintln!("NOT RUN: {test} against {PYMAVLINK}: {why}");
+        })
+        .ok()
+}
+
+/// A script, to be played.
+pub fn script(python: &Path, name: &str) -> Command {
+    let mut command = Command::new(python);
+    command.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("../host/tests/mavlink").join(name));
+    command
+}
+
+/// Panics unless a pilot's script came to its successful end, and no thread of it failed.
+pub fn check_pilot(output: &Output) {
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(!errors.contains("Exception"), "{errors}");
+    check(output, "all as the documents have it");
+}
+
+/// Panics unless a script came to its end, which it says in these words. Prints what it has printed.
+pub fn check(output: &Output, end: &str) {
+    let text = String::from_utf8_lossy(&output.stdout);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && text.contains(end), "{text}{errors}");
+    println!("{text}");
+}
+
+/// A port that is not in use.
+pub fn free_port() -> u16 {
+    let port = std::net::TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr());
+    port.expect("a port").port()
 }
 
 /// Makes the virtual environment, or finds the whole one of an earlier run. One that was cut short is made again.

@@ -396,19 +396,31 @@ fn the_governor_holds_the_reported_throttle_until_a_speed_can_be_known() {
     assert_eq!(after.last(), Some(&0), "{after:?}");
 }
 
-/// A ZK ECU reports its throttle once in a round of reports. Until then the governor's is not known, and ID 0 is sent, but not for ever.
-#[test]
-fn the_governor_waits_for_the_reported_throttle() {
+/// A governed ZK engine of RC's that runs at 80 000 rpm, right after a reset. `by_id6`: its switch may have been given by ID 6.
+fn governed_zk_after_reset(by_id6: bool) -> Scenario {
     let mut governor = Governor::DEFAULT;
     governor.max_rpm = Rpm::new(160_000);
     let config = Ecu::Zk.with(|s| s.governor = Some(governor));
+    let retained = RetainedState::new(Order::Run(rpm(80_000)), Origin::Rc);
+    let retained = retained.with(|state| (state.armed, state.link) = (true, LinkRecord::new(by_id6.into())));
+    let mut scenario = Scenario::after_reset(Ecu::Zk, config, Some(retained));
+    scenario.values.rpm = Some(80_000);
+    scenario
+}
+
+/// Its throttle, twice: ID 3, 60 %.
+fn report_60_percent(scenario: &mut Scenario) {
+    for _ in 0..2 {
+        scenario.bench.receive(&zk_frames::status(3, 80_000, [60, 0, 0]));
+    }
+}
+
+/// A ZK ECU reports its throttle once in a round of reports. Until then the governor's is not known, and ID 0 is sent, but not for ever.
+#[test]
+fn the_governor_waits_for_the_reported_throttle() {
     // The switch may have been given by ID 6 while the version was not known: that does not show an ECU that holds a speed itself.
     for (reported, by_id6) in [(true, false), (true, true), (false, false)] {
-        let retained = RetainedState::new(Order::Run(rpm(80_000)), Origin::Rc);
-        let retained =
-            retained.with(|state| (state.armed, state.link) = (true, LinkRecord::new(by_id6.into())));
-        let mut scenario = Scenario::after_reset(Ecu::Zk, config, Some(retained));
-        scenario.values.rpm = Some(80_000);
+        let mut scenario = governed_zk_after_reset(by_id6);
         scenario.introduce_version(3);
         scenario.reports = Some(Reports::Running);
         scenario.fly_us(target(80_000), Origin::Rc, 450_000);
@@ -416,10 +428,7 @@ fn the_governor_waits_for_the_reported_throttle() {
         assert!(scenario.telemetry().in_doubt.is_none());
         assert_eq!(first, [], "{reported} {by_id6}");
         if reported {
-            for _ in 0..2 {
-                // ID 3: 60 %.
-                scenario.bench.receive(&zk_frames::status(3, 80_000, [60, 0, 0]));
-            }
+            report_60_percent(&mut scenario);
         }
         scenario.fly_us(target(80_000), Origin::Rc, 300_000);
         let then = throttles(&scenario.sent());
@@ -434,40 +443,14 @@ fn the_governor_waits_for_the_reported_throttle() {
     }
 }
 
-/// An engine of version 3 whose governor has continued at 60 % after a reset.
-fn resumed_at_60_percent() -> Scenario {
-    let mut governor = Governor::DEFAULT;
-    governor.max_rpm = Rpm::new(160_000);
-    let config = Ecu::Zk.with(|s| s.governor = Some(governor));
-    let retained = RetainedState::new(Order::Run(rpm(80_000)), Origin::Rc);
-    let retained = retained.with(|state| (state.armed, state.link) = (true, LinkRecord::new(1)));
-    let mut scenario = Scenario::after_reset(Ecu::Zk, config, Some(retained));
-    scenario.values.rpm = Some(80_000);
-    scenario.introduce_version(3);
-    scenario.reports = Some(Reports::Running);
-    for _ in 0..2 {
-        scenario.bench.receive(&zk_frames::status(3, 80_000, [60, 0, 0]));
-    }
-    scenario
-}
-
 /// What the ECU of another version would have been sent meanwhile, idle, is not where the governor continues: the ECU's throttle may be known
 /// before its version is (849001094).
 #[test]
 fn the_governor_resumes_at_the_reported_throttle_although_the_version_follows_later() {
-    let mut governor = Governor::DEFAULT;
-    governor.max_rpm = Rpm::new(160_000);
-    let config = Ecu::Zk.with(|s| s.governor = Some(governor));
     // The switch was given by ID 6, so that the ECU may hold the speed itself until its version is known.
-    let retained = RetainedState::new(Order::Run(rpm(80_000)), Origin::Rc);
-    let retained = retained.with(|state| (state.armed, state.link) = (true, LinkRecord::new(1)));
-    let mut scenario = Scenario::after_reset(Ecu::Zk, config, Some(retained));
-    scenario.values.rpm = Some(80_000);
+    let mut scenario = governed_zk_after_reset(true);
     scenario.reports = Some(Reports::Running);
-    for _ in 0..2 {
-        // ID 3: 60 %.
-        scenario.bench.receive(&zk_frames::status(3, 80_000, [60, 0, 0]));
-    }
+    report_60_percent(&mut scenario);
     scenario.fly_us(target(80_000), Origin::Rc, 150_000);
     assert!(scenario.telemetry().in_doubt.is_none());
     assert_eq!(scenario.sent(), []);
@@ -482,7 +465,10 @@ fn the_governor_resumes_at_the_reported_throttle_although_the_version_follows_la
 #[test]
 fn a_throttle_that_a_doubt_withholds_is_not_where_the_governor_continues() {
     for source_is_lost in [false, true] {
-        let mut scenario = resumed_at_60_percent();
+        let mut scenario = governed_zk_after_reset(true);
+        scenario.introduce_version(3);
+        scenario.reports = Some(Reports::Running);
+        report_60_percent(&mut scenario);
         scenario.fly_us(target(80_000), Origin::Rc, 2 * SECOND);
         scenario.silent();
         scenario.fly_us(target(80_000), Origin::Rc, 300_000);

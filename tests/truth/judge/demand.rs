@@ -21,7 +21,7 @@ impl Case<'_> {
         let from = low + risen;
         let failed = self.h.other_failed.touches(at.saturating_sub(10 * SECOND), at + 1);
         // A reset takes back what was set in flight.
-        let began = self.h.resets.iter().rev().find(|reset| reset.up <= at).map_or(0, |reset| reset.up);
+        let began = self.h.last_reset(at).map_or(0, |reset| reset.up);
         let part = self.h.largest_share(when.saturating_sub(SECOND).max(began), at).filter(|_| failed);
         let part = part.map_or(1.0, |part| f64::from(part) / 1000.0);
         self.moved_to(when, at, from, to)

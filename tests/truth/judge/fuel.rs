@@ -41,11 +41,11 @@ impl Case<'_> {
             }
             let commands = h.commanded(at.saturating_sub(10 * SECOND), at).iter().rev();
             let mut commands = commands.filter(|other| other.command == PilotCommand::Service(number));
-            let last = commands.next();
+            let last = commands.clone().next();
             // Of two sources that command it in one slot, it is that of the one that may.
             let together = |other: &&Commanded| last.is_some_and(|last| other.at + h.rules.period >= last.at);
-            let first = |_: &&Commanded| last.is_some_and(|last| self.is_behind(last.source, last.at));
-            let command = commands.take_while(together).find(first).or(last);
+            let may = |other: &&Commanded| together(other) && !self.is_behind(other.source, other.at);
+            let command = commands.find(may).or(last);
             let lately = |time: u64| h.samples(at.saturating_sub(time), at);
             let why = match command {
                 None => Some("no pilot commanded it lately".to_string()),

@@ -429,7 +429,7 @@ impl Case<'_> {
                 faults(up) && h.sensor.within(up, given_up) == given_up.saturating_sub(up)
             };
             // In doubt since a reset, after which only error sets arrived, damaged sets get no reply.
-            let reset = h.resets.iter().rev().find(|reset| reset.up <= at);
+            let reset = h.last_reset(at);
             let damaged = h.noise.last_before(at).filter(|(from, to)| {
                 at <= *to + h.rules.period
                     && at >= from + h.rules.gives_up_after.saturating_sub(h.rules.period)

@@ -324,7 +324,7 @@ impl Case<'_> {
 
     /// A reset in a silence keeps the demand of the wire, which may still have been on its way to the one that was commanded.
     fn held_over_a_reset(&self, at: u64, kind: core::mem::Discriminant<Demanded>) -> Option<f64> {
-        let reset = self.h.resets.iter().rev().find(|reset| reset.up <= at)?;
+        let reset = self.h.last_reset(at)?;
         if self
             .h
             .commanded(reset.down, at.saturating_sub(3 * SECOND))

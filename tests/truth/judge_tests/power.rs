@@ -151,27 +151,22 @@ fn an_arming_before_the_release_that_took_effect_powers_no_starter() {
     }
     assert_eq!(armed_at(2.1), [Rule::Power]);
     // Or it was another source's release (812001803).
-    let released_at = |second: f64| {
+    let released = || {
         Story::new(AMT)
             .once(PILOT, 1.0, PilotCommand::Stop)
             .once(0, 1.9, PilotCommand::Release)
             .once(0, 1.91, PilotCommand::Arm)
-            .once(PILOT, second, PilotCommand::Release)
             .wire(1.0, 1.85, STOP)
             .wire(2.0, 20.0, STANDBY)
             .turbine(0.0, 20.0, Phase::Standby, 0.0, 15.0)
             .with(|h| h.power = vec![(0, Some(false))])
-            .finds(Rule::Power)
     };
+    let released_at = |second| released().once(PILOT, second, PilotCommand::Release).finds(Rule::Power);
     assert!(!released_at(1.93) && released_at(2.5));
     // Standby of a node that lost its memory does not show that the stop was released (858001575).
     let released_before = |cause| {
         let reset = Reset { down: 1_980 * MS, up: 1_990 * MS, cause };
-        let story = Story::new(AMT).once(PILOT, 1.0, PilotCommand::Stop);
-        let story = story.once(0, 1.9, PilotCommand::Release).once(0, 1.91, PilotCommand::Arm);
-        let story = story.wire(1.0, 1.85, STOP).wire(2.0, 20.0, STANDBY);
-        let story = story.turbine(0.0, 20.0, Phase::Standby, 0.0, 15.0);
-        story.with(|h| (h.power, h.resets) = (vec![(0, Some(false))], vec![reset])).finds(Rule::Power)
+        released().with(|h| h.resets.push(reset)).finds(Rule::Power)
     };
     assert_eq!([Cause::Watchdog, Cause::PowerOn].map(released_before), [true, false]);
 }

@@ -177,7 +177,7 @@ fn resets_do_not_keep_a_lost_demand_alive() {
     // Without memory the earlier resets do not count.
     let is_silent = |until, power_on_at| story(until, power_on_at).finds(Rule::SilentWire);
     assert!(is_silent(51, 0) && !is_silent(51, 44_500) && is_silent(58, 44_500));
-    // Nor where there were so many that the demand was at the fail-safe (858000417).
+    // Nor where the demand was at the fail-safe by then (858000417).
     assert!(!is_silent(51, 46_000) && is_silent(58, 46_000));
 }
 

@@ -74,9 +74,7 @@ fn the_stages_of_loss_continue_over_resets_and_an_order_that_is_given_up() {
         let mut before = 0;
         for &reset in resets {
             scenario.pass_us(reset - before);
-            let record = scenario.bench.machine.record();
-            scenario = Scenario::after_reset(Ecu::Amt, config, Some(record));
-            scenario.silent();
+            scenario = scenario.reset(config);
             before = reset;
         }
         scenario.pass_us(back - before);
