@@ -117,11 +117,15 @@ impl Case<'_> {
             return Some("it is not armed".into());
         }
         let stable = h.rules.link_stable.saturating_sub(300 * MS);
-        // An outage that has only just begun cannot be detected yet. An AMT ECU reports that it was powered
-        // up.
-        let shows = |to: u64| if self.traits().reports_power_up { to + h.rules.boot } else { u64::MAX };
+        // An outage that has only just begun, or is shorter than a gap with the boot after it, cannot be detected. An AMT ECU reports
+        // that it was powered up.
+        let seen_at = |(from, to): (u64, u64)| {
+            let gap = Some(from + self.gap()).filter(|_| to + h.rules.boot - from >= self.gap());
+            let reported = Some(to + h.rules.boot).filter(|_| self.traits().reports_power_up);
+            gap.into_iter().chain(reported).min()
+        };
         let outage = |(from, to): (u64, u64)| {
-            to > at.saturating_sub(stable) && at >= (from + self.gap()).min(shows(to))
+            to > at.saturating_sub(stable) && seen_at((from, to)).is_some_and(|seen| at >= seen)
         };
         if h.unpowered.iter().any(outage) {
             return Some("its ECU was powered up just now".into());
@@ -607,7 +611,7 @@ impl Case<'_> {
     pub(super) fn last_lowered(&self, from_us: u64, to_us: u64) -> Option<u64> {
         let demand = |frame: &Frame| frame.sent.demand().map_or(0.0, |demanded| self.share(demanded));
         let mut pairs = self.h.frames_within(from_us, to_us).windows(2).rev();
-        pairs.find(|pair| demand(&pair[1]) + 5.0 < demand(&pair[0])).map(|pair| pair[1].at)
+        pairs.find(|pair| demand(&pair[1]) < demand(&pair[0])).map(|pair| pair[1].at)
     }
 
     pub(super) fn hand_over(&mut self) {

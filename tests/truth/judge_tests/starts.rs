@@ -45,6 +45,15 @@ fn an_ignition_follows_one_sources_own_standby_and_run_while_armed() {
     streams(ready(ZK5))
         .with(off(3500 * MS))
         .breaks_beside(&[Rule::Doubt], &[Rule::Ignition, Rule::RunAtRest]);
+    // With its boot that outage was shorter than a gap (873001041).
+    let dipped = |from, to| {
+        streams(ready(ZK5)).with(move |h| {
+            h.unpowered = Spans::from(&[(from * MS, to * MS)]);
+            h.rules.boot = 50 * MS;
+        })
+    };
+    dipped(3600, 3750).passes();
+    dipped(3500, 3750).breaks_beside(&[Rule::Doubt], &[Rule::Ignition, Rule::RunAtRest]);
     // A hot exhaust.
     let hot = |h: &mut History| h.samples.iter_mut().for_each(|sample| sample.egt = 180.0);
     streams(ready(ZK5)).with(hot).breaks(&[Rule::Ignition, Rule::RunAtRest]);
@@ -123,6 +132,18 @@ fn a_trip_that_clears_while_the_exhaust_is_hot_cannot_be_seen() {
     };
     cold_from(45.75).passes();
     cold_from(45.6).breaks(&[Rule::Ignition]);
+    // A lower demand explains that it is cold, however small its last step is (873001919).
+    let lowered_until = |until: f64| {
+        cold_from(40.0).with(move |h| {
+            let mut tenths = 500;
+            for frame in h.frames.iter_mut().filter(|frame| frame.at >= 40 * SECOND) {
+                tenths -= if frame.at < micros(until) { 4 } else { 0 };
+                frame.sent = Sent::Full(Switch::Run, tenths);
+            }
+        })
+    };
+    lowered_until(41.2).passes();
+    assert!(ignites(lowered_until(40.3)));
     // Nor can one in a start whose node has lost its memory: its shaft turns as one of a running engine (800000857).
     let in_a_start = |forgets: bool| {
         let cause = if forgets { Cause::PowerOn } else { Cause::Watchdog };

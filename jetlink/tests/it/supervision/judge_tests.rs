@@ -377,3 +377,51 @@ fn a_source_that_was_lost_counts_as_received_up_to_the_reset() {
         assert_eq!(verdict(back + 5), Ok(()), "{from}");
     }
 }
+
+/// As above, received for 1.5 s before the reset. It commands 50 % after the reset, perhaps 0 % from 0.6 s after it on, and 90 % from 0.8 s after it
+/// on. The verdict on a frame with 90 % that is sent then.
+fn raised_after_a_reset(lowered: bool) -> Result<(), String> {
+    const BEGINS: u64 = RESET + 50 * MS;
+    let config = Ecu::Amt.with(|s| {
+        s.timeouts.rc = Duration::from_millis(200);
+        s.recover_after = Duration::from_secs(2);
+        s.return_within = Duration::from_ticks(0);
+        s.takeover.within = Duration::from_ticks(0);
+        s.loss.standby_after = None;
+    });
+    let Demand::Throttle(idle) = percent(0) else { unreachable!() };
+    let mut judge = Oracle::new(config, false, 36_000, 100_000);
+    let commands = |command| Input::Commanded(Origin::Rc, command, Ok(Accepted::InForce));
+    judge.input(0, commands(Command::Arm))?;
+    for at in (0..BEGINS + 950 * MS).step_by((10 * MS) as usize) {
+        let (starts, truth) = started_at_3_s(at);
+        judge.input(at, Input::Truth(truth))?;
+        if at == BEGINS {
+            let retained = Retained::Whole(Some((Origin::Rc, Demand::Throttle(idle), true)));
+            judge.input(at, Input::Boot { retained, down: BEGINS - RESET })?;
+        }
+        let off = (RESET..BEGINS).contains(&at);
+        if !off && (at < 10 * SECOND || at >= RESET - 1500 * MS) && at % (50 * MS) == 10 * MS {
+            let demanded = match at.checked_sub(BEGINS) {
+                Some(800_000..) => percent(90),
+                Some(600_000..) if lowered => percent(0),
+                Some(_) => percent(50),
+                None => percent(0),
+            };
+            judge.input(at, commands(if starts { Command::Run(demanded) } else { Command::Standby }))?;
+        }
+        if !off && at % (120 * MS) == 0 {
+            let runs = at > 3 * SECOND + 10 * MS;
+            judge.frame(at, Frame::Full(if runs { Switch::Run } else { Switch::Standby }, 0))?;
+        }
+    }
+    judge.frame(BEGINS + 950 * MS, Frame::Full(Switch::Run, 900)).map(|_| ())
+}
+
+/// The demand of such a source may have been reached, and then it no longer rises at its set rate (355000702).
+#[test]
+fn the_demand_of_a_source_that_was_received_before_a_reset_may_have_been_reached() {
+    assert_eq!(raised_after_a_reset(true), Ok(()));
+    let verdict = raised_after_a_reset(false);
+    assert!(verdict.as_ref().is_err_and(|why| why.starts_with("(9)")), "{verdict:?}");
+}

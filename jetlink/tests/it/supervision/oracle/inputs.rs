@@ -272,9 +272,7 @@ impl Oracle {
         // One that was lost before the reset has to be received for a while first. The time for which it was received right before the
         // reset counts.
         let lost_before = self.retained.is_some_and(|(retained, _, was_lost)| retained == origin && was_lost);
-        let recover_after = self.config.supervision.recover_after.as_micros();
-        let back = self.sources[slot(origin)]
-            .is_some_and(|source| source.last_rx + self.steady_before >= source.since + recover_after);
+        let back = self.sources[slot(origin)].is_some_and(|source| self.perhaps_steady(&source));
         if self.uncertain(at) && (!lost_before || back) {
             self.uncertain_throttle = self.uncertain_throttle.max(self.as_throttle(demand));
             if let Demand::Rpm(rpm) = demand {

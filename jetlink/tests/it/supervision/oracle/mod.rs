@@ -414,11 +414,23 @@ impl Oracle {
         source.last_rx >= source.since + self.config.supervision.recover_after.as_micros()
     }
 
+    /// With the time for which it was received right before the last reset.
+    fn perhaps_steady(&self, source: &Source) -> bool {
+        let since = source.since.saturating_sub(self.steady_before);
+        source.last_rx >= since + self.config.supervision.recover_after.as_micros()
+    }
+
     fn active_source(&self, at: u64) -> Option<(Origin, Source)> {
-        self.each().find(|(_, source)| {
-            let fresh = at < source.silent_from && source.intent != Intent::Nothing;
-            fresh && (!source.was_lost || self.steady(source))
-        })
+        self.fresh(at).find(|(_, source)| !source.was_lost || self.steady(source))
+    }
+
+    /// The source that is in control where the time right before the last reset counts as received.
+    fn perhaps_active(&self, at: u64) -> Option<(Origin, Source)> {
+        self.fresh(at).find(|(_, source)| !source.was_lost || self.perhaps_steady(source))
+    }
+
+    fn fresh(&self, at: u64) -> impl Iterator<Item = (Origin, Source)> {
+        self.each().filter(move |(_, source)| at < source.silent_from && source.intent != Intent::Nothing)
     }
 
     /// It is not certain who is in control.
@@ -447,6 +459,9 @@ impl Oracle {
     }
 
     fn pass(&mut self, to: u64) {
+        if let Some((_, Source { intent: Intent::Run(demand), .. })) = self.perhaps_active(self.at) {
+            self.may_have_risen(to, demand);
+        }
         if let Some((_, Source { intent: Intent::Run(demand), .. })) = self.active_source(self.at) {
             self.may_have_risen(to, demand);
             self.wanted_until = self.wanted_until.max(to);
