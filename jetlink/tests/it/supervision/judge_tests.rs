@@ -5,6 +5,7 @@ use super::wire::{Frame, Switch};
 use crate::support::scenario::{Ecu, SECOND, percent, tenths};
 use embassy_time::Duration;
 use jetlink::command::{Accepted, Command, Demand, Origin};
+use jetlink::units::Rpm;
 
 const MS: u64 = 1_000;
 /// The reset, and the standby that comes after it.
@@ -424,4 +425,60 @@ fn the_demand_of_a_source_that_was_received_before_a_reset_may_have_been_reached
     assert_eq!(raised_after_a_reset(true), Ok(()));
     let verdict = raised_after_a_reset(false);
     assert!(verdict.as_ref().is_err_and(|why| why.starts_with("(9)")), "{verdict:?}");
+}
+
+/// An rpm whose source is silent from 19 s on, so that it falls from 140 000 rpm by 16 000 rpm/s from 19.5 s on, and a reset at 20 s. The verdict on
+/// 125 000 rpm that are sent `after` the node has begun. A transmitter that hangs does so from 19.4 s until 1 s after the reset.
+fn lost_rpm_after_a_reset(hangs: bool, after: u64) -> Result<(), String> {
+    const BEGINS: u64 = RESET + 50 * MS;
+    let config = Ecu::Zk.with(|s| {
+        s.timeouts.rc = Duration::from_millis(500);
+        s.loss.hold = Duration::from_ticks(0);
+        s.loss.ramp = 100;
+        s.loss.standby_after = None;
+    });
+    let rpm = |rpm| Demand::Rpm(Rpm::new(rpm));
+    let code = |rpm: u32| Frame::RpmCode(u16::try_from(rpm / 40).unwrap());
+    let mut judge = Oracle::new(config, true, 50_000, 160_000);
+    let commands = |command| Input::Commanded(Origin::Rc, command, Ok(Accepted::InForce));
+    judge.input(0, commands(Command::Arm))?;
+    for at in (0..BEGINS + after).step_by((10 * MS) as usize) {
+        let (starts, truth) = started_at_3_s(at);
+        judge.input(at, Input::Truth(truth))?;
+        if hangs && at == 19_400 * MS {
+            judge.input(at, Input::HungUntil(60 * SECOND))?;
+        }
+        if hangs && at == BEGINS + SECOND {
+            judge.input(at, Input::HungUntil(at))?;
+        }
+        if at == BEGINS {
+            let retained = Retained::Whole(Some((Origin::Rc, rpm(132_000), true)));
+            judge.input(at, Input::Boot { retained, down: BEGINS - RESET })?;
+        }
+        if at < 19 * SECOND && at % (50 * MS) == 10 * MS {
+            let demand = rpm(if at < 10 * SECOND { 50_000 } else { 140_000 });
+            judge.input(at, commands(if starts { Command::Run(demand) } else { Command::Standby }))?;
+        }
+        if at < 19_400 * MS && at % (100 * MS) == 0 {
+            let runs = at > 3 * SECOND + 10 * MS;
+            judge.frame(at, Frame::Mode(if runs { Switch::Run } else { Switch::Standby }, 4))?;
+            let risen = at.saturating_sub(10 * SECOND) / MS * 80;
+            let risen = u32::try_from(risen).unwrap().clamp(50_000, 140_000);
+            if runs {
+                judge.frame(at + 50 * MS, code(risen))?;
+            }
+        }
+    }
+    judge.frame(BEGINS + after, Frame::Mode(Switch::Run, 4))?;
+    judge.frame(BEGINS + after + 50 * MS, code(125_000)).map(|_| ())
+}
+
+/// The end of its fall is the idle speed, which a node that begins knows after a round of reports (357000086).
+#[test]
+fn an_rpm_falls_after_a_reset_when_its_ecu_has_reported_the_idle_speed() {
+    assert_eq!(lost_rpm_after_a_reset(true, 1500 * MS), Ok(()));
+    for (hangs, after) in [(false, 1500), (true, 3500)] {
+        let verdict = lost_rpm_after_a_reset(hangs, after * MS);
+        assert!(verdict.as_ref().is_err_and(|why| why.starts_with("(3)")), "{hangs}, {after}: {verdict:?}");
+    }
 }

@@ -285,8 +285,11 @@ impl Oracle {
             return None;
         }
         self.tally.silent_frames += 1;
-        let passed =
-            at.saturating_sub(self.wanted_until + self.config.supervision.loss.hold.as_micros() + TOL);
+        // An rpm falls to the idle speed, which the ECU reports once in a round. Until then a throttle replaces it, which a hung
+        // transmitter does not send.
+        let known = if rpm && self.hung.1 > self.booted { self.booted + ROUND } else { 0 };
+        let from_then = self.wanted_until + self.config.supervision.loss.hold.as_micros() + TOL;
+        let passed = at.saturating_sub(from_then.max(known));
         let fallen = u64::from(rate) * passed / SECOND;
         // 25 ms of the ramp for a step of it and a frame, and half a percent for AMT's resolution.
         let slack = rate / 40 + if rpm { self.max_rpm / 200 } else { 6 };

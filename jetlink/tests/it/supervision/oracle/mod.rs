@@ -21,6 +21,8 @@ const BEHIND: u64 = 1_500_000;
 const BEHIND_FAULTY: u64 = 5_000_000;
 /// Time after a reset in which it is not certain which sources count as lost: how long they were silent is retained in steps.
 const UNCERTAIN: u64 = 10_000_000;
+/// Time in which a ZK ECU reports its idle speed, with frames lost on the way.
+const ROUND: u64 = 2_000_000;
 /// Time from the beginning of the fail-safe stage to standby, where no engine is known to live.
 const RUN_OUT: u64 = 10_000_000;
 /// From the loss of an ECU's power, or its last byte, until run is no longer sent: three expected frames, and a reply.
