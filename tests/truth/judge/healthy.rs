@@ -237,7 +237,7 @@ impl Case<'_> {
         // A higher source may take over, and it would have to take over again.
         let in_control = |at| self.command_log.run_in_control(at).is_some_and(|(active, _)| active == source);
         let stream = commands[first..].windows(2).take_while(|pair| {
-            is_run(&pair[1]) && pair[1].0 <= pair[0].0 + self.command_log.age(source) && in_control(pair[1].0)
+            is_run(&pair[1]) && pair[1].0 < pair[0].0 + self.command_log.age(source) && in_control(pair[1].0)
         });
         Some(stream.last().map_or(commands[first].0, |pair| pair[1].0))
     }

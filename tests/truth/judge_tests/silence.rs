@@ -322,6 +322,25 @@ fn silence_shuts_an_engine_down_only_where_that_is_configured() {
     story().with(late).streams(PILOT, 40.0, 60.0, PilotCommand::Nothing).passes();
 }
 
+/// A gap of exactly its timeout is one, also in the stream of the source that started the engine (876000077).
+#[test]
+fn a_source_that_commands_once_in_its_timeout_is_lost() {
+    let story = |every: u64| {
+        let mut story = started(ZK5)
+            .wire(31.0, 36.05, IDLE)
+            .wire(36.05, 45.0, STANDBY)
+            .turbine(RUNS as f64, 36.1, Phase::Running, 50_000.0, 480.0)
+            .turbine(36.1, 45.0, Phase::Cooling, 5000.0, 300.0)
+            .with(|h| h.rules.standby_after = Some(3 * SECOND));
+        for at in (30_900..45_000).step_by(every as usize).skip(1) {
+            story = story.once(PILOT, at as f64 / 1000.0, PilotCommand::Run(Demanded::Throttle(0)));
+        }
+        story
+    };
+    story(500).passes();
+    story(490).breaks(&[Rule::ShutDown]);
+}
+
 /// A source that starts an engine is in control at once: its silence counts from its last command, however soon
 /// that was.
 #[test]
