@@ -379,9 +379,9 @@ fn a_source_that_was_lost_counts_as_received_up_to_the_reset() {
     }
 }
 
-/// As above, received for 1.5 s before the reset. It commands 50 % after the reset, perhaps 0 % from 0.6 s after it on, and 90 % from 0.8 s after it
-/// on. The verdict on a frame with 90 % that is sent then.
-fn raised_after_a_reset(lowered: bool) -> Result<(), String> {
+/// As above, received for 1.5 s before the reset, after which it commands this, in percent at a time in ms. The verdict on a frame with 90 % that is sent
+/// 0.95 s after the reset: the first one, or after ones with 0 %.
+fn raised_after_a_reset(commanded: impl Fn(u64) -> u8, is_first: bool) -> Result<(), String> {
     const BEGINS: u64 = RESET + 50 * MS;
     let config = Ecu::Amt.with(|s| {
         s.timeouts.rc = Duration::from_millis(200);
@@ -403,15 +403,10 @@ fn raised_after_a_reset(lowered: bool) -> Result<(), String> {
         }
         let off = (RESET..BEGINS).contains(&at);
         if !off && (at < 10 * SECOND || at >= RESET - 1500 * MS) && at % (50 * MS) == 10 * MS {
-            let demanded = match at.checked_sub(BEGINS) {
-                Some(800_000..) => percent(90),
-                Some(600_000..) if lowered => percent(0),
-                Some(_) => percent(50),
-                None => percent(0),
-            };
+            let demanded = percent(at.checked_sub(BEGINS).map_or(0, |after| commanded(after / MS)));
             judge.input(at, commands(if starts { Command::Run(demanded) } else { Command::Standby }))?;
         }
-        if !off && at % (120 * MS) == 0 {
+        if !off && at % (120 * MS) == 0 && (at < RESET || !is_first) {
             let runs = at > 3 * SECOND + 10 * MS;
             judge.frame(at, Frame::Full(if runs { Switch::Run } else { Switch::Standby }, 0))?;
         }
@@ -422,9 +417,22 @@ fn raised_after_a_reset(lowered: bool) -> Result<(), String> {
 /// The demand of such a source may have been reached, and then it no longer rises at its set rate (355000702).
 #[test]
 fn the_demand_of_a_source_that_was_received_before_a_reset_may_have_been_reached() {
-    assert_eq!(raised_after_a_reset(true), Ok(()));
-    let verdict = raised_after_a_reset(false);
-    assert!(verdict.as_ref().is_err_and(|why| why.starts_with("(9)")), "{verdict:?}");
+    let not_reached = |verdict: Result<(), String>| {
+        assert!(verdict.as_ref().is_err_and(|why| why.starts_with("(9)")), "{verdict:?}");
+    };
+    let lowered = |to: u8| {
+        move |ms: u64| match ms {
+            800.. => 90,
+            600.. => to,
+            _ => 50,
+        }
+    };
+    assert_eq!(raised_after_a_reset(lowered(0), false), Ok(()));
+    not_reached(raised_after_a_reset(lowered(50), false));
+    // Between two frames, when the engine is confirmed (359002310).
+    let raised_at = |at: u64| move |ms: u64| if ms < at { 0 } else { 90 };
+    assert_eq!(raised_after_a_reset(raised_at(800), true), Ok(()));
+    not_reached(raised_after_a_reset(raised_at(300), true));
 }
 
 /// An rpm whose source is silent from 19 s on, so that it falls from 140 000 rpm by 16 000 rpm/s from 19.5 s on, and a reset at 20 s. The verdict on

@@ -267,7 +267,10 @@ impl Oracle {
         self.last_run = at;
         self.last_wanted = self.last_wanted.max(self.before_reset.0);
         // The demand commanded just before may have been reached when the engine was confirmed.
-        let steady = self.active_source(at).is_none_or(|(_, source)| at > source.changed + SECOND / 2);
+        let steady = |active: Option<(Origin, Source)>| {
+            active.is_none_or(|(_, source)| at > source.changed + SECOND / 2)
+        };
+        let steady = steady(self.active_source(at)) && steady(self.perhaps_active(at));
         self.rising = steady.then_some((at, self.before_reset.0.max(self.truth.obeyed)));
         Ok(())
     }
