@@ -499,11 +499,20 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
             return Err(Refusal::StoreBusy);
         }
         let old = names.map(|name| self.attached.number(engine, name).unwrap_or_default());
-        self.attached.calibrate(engine, false)?;
         let place = Place::Engine(engine);
+        let fitted = self.storage == ParameterStorage::Lost && self.fits();
+        self.attached.calibrate(engine, false)?;
+        let overflows = fitted && !self.fits();
         for (name, old) in names.into_iter().zip(old) {
-            let Some((index, _)) = self.position(place, Name::of(name.as_bytes())) else { continue };
-            self.save(now, port, place, index, old, Ok(()));
+            let Some((index, parameter)) = self.position(place, Name::of(name.as_bytes())) else { continue };
+            if overflows {
+                self.restore(place, parameter, old);
+            } else {
+                self.save(now, port, place, index, old, Ok(()));
+            }
+        }
+        if overflows {
+            return Err(Refusal::RamFull);
         }
         Ok(())
     }

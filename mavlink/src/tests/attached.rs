@@ -15,6 +15,7 @@ use crate::settings::NodeSettings;
 use crate::store::NotSaved;
 use embassy_time::Instant;
 use jetlink::setting::{Effect, Row, Unit};
+use std::boxed::Box;
 use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
 use std::rc::Rc;
@@ -294,6 +295,41 @@ fn a_calibration_of_the_stick_sets_its_end_points() {
             assert_eq!(*world.toy.numbers.borrow(), [[0, 1, 2], [0, low.into(), high.into()]]);
             assert!(world.service.borrow_mut().next_save().is_none());
         }
+    });
+}
+
+/// Where nothing is stored, end points that RAM cannot retain are refused as any setting is.
+#[test]
+fn a_calibration_that_ram_cannot_retain_is_refused_where_nothing_is_stored() {
+    const DEFAULTS: Defaults<'static> = Defaults {
+        node: &NodeSettings::DEFAULT,
+        engines: &[],
+        own: &[],
+        wiring: &[],
+        attached: AttachedDefaults { rows: ROWS, number: |_, _| Some(0) },
+        room: 0,
+    };
+    run(async |world| {
+        world.ready().await;
+        world.toy.on.set(true);
+        let calibrated = async |room: usize| {
+            *world.toy.numbers.borrow_mut() = [[0; 3]; 2];
+            {
+                let mut service = world.service.borrow_mut();
+                service.set_parameter_storage(ParameterStorage::Lost);
+                let now: usize = service.changes(&DEFAULTS).map(|(_, record)| 2 + record.len()).sum();
+                service.set_room(Box::leak(Box::new(Defaults { room: 4 + now + room, ..DEFAULTS })));
+            }
+            assert_eq!(world.command(ENGINE[1], 31010, &[40.0]).await.0, Some(0));
+            let (answer, text) = world.command(ENGINE[1], 31010, &[41.0]).await;
+            (answer, text, world.toy.numbers.borrow()[1])
+        };
+        let (answer, text, numbers) = calibrated(0).await;
+        assert!(answer == Some(1) && text.contains("RAM retains no more changes"), "{answer:?} {text}");
+        assert_eq!(numbers, [0; 3]);
+        let (answer, text, numbers) = calibrated(40).await;
+        assert!(answer == Some(0) && text.contains("is not stored"), "{answer:?} {text}");
+        assert_eq!(numbers, [0, 11, 19]);
     });
 }
 
