@@ -81,8 +81,8 @@ impl Demands {
 /// What a run carries over from before its order, or from before a reset of the node.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Carried {
-    /// The source in control before its order was given up. An engine that is found has no source yet; whose standby ends its run depends
-    /// on whose it was.
+    /// The source that started it, or that was in control before a reset, or before its order was given up. Whose standby ends a run depends
+    /// on whose it is. The node: not known.
     pub source: Origin,
     /// Time since its start was ordered.
     pub started: Duration,
@@ -117,7 +117,12 @@ impl Run {
         let holds = |(origin, _): &(Origin, Intent)| !self.resumed_low || sources.has_commanded(*origin);
         match sources.active(now).filter(holds) {
             // Standby of the source in control, or of a higher one, is obeyed at once.
-            Some((origin, Intent::Standby)) if origin.priority() >= self.whose().priority() => Some(origin),
+            Some((origin, Intent::Standby))
+                if origin == self.active_source
+                    || origin.priority() >= self.whose(now, config).priority() =>
+            {
+                Some(origin)
+            }
             Some((origin, Intent::Run(demand))) => {
                 // It stayed in control or returned after a short gap, or before another source had taken over.
                 let away = self.fail_safe_at.is_some() || self.taking_over.is_some();
@@ -174,10 +179,13 @@ impl Run {
         }
     }
 
-    /// The source whose run it is. Where that is not known, any but the highest may be a lower one.
-    fn whose(&self) -> Origin {
-        let known =
-            [self.active_source, self.carried.source].into_iter().find(|source| *source != Origin::Node);
+    /// The source whose run it is. Where that is not known, any but the highest may be a lower one, also if one has taken over: the one whose
+    /// it is may be received later.
+    fn whose(&self, now: Instant, config: &Supervision) -> Origin {
+        let is_known =
+            self.carried.source != Origin::Node || now >= self.began + config.loss.lower_standby_after;
+        let sources = [self.active_source, self.carried.source];
+        let known = sources.into_iter().find(|source| is_known && *source != Origin::Node);
         known.unwrap_or(Origin::SOURCES[0])
     }
 

@@ -90,7 +90,7 @@ impl Engine {
         };
         let source = match &self.mode {
             Mode::Listen(finding) => finding.active_source,
-            _ => Origin::Node,
+            _ => origin,
         };
         self.mode = Mode::Run(Run {
             began: now,

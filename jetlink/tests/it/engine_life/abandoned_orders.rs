@@ -138,6 +138,53 @@ fn an_engine_that_is_seen_running_without_a_record_is_not_shut_down_at_once() {
     }
 }
 
+/// Nor is it where a third, still lower source commands the demand that was found, and takes over at once: whose run it is, is not known
+/// before a higher source had 5 s to be received (877002124). A run of a known source is the control, and so is a source's own standby.
+#[test]
+fn a_lower_source_that_takes_over_a_found_engine_does_not_let_another_one_shut_it_down() {
+    let both = |scenario: &mut Scenario, origin, standby_us: u64| {
+        let since = scenario.now_us();
+        while scenario.now_us() < since + standby_us && scenario.order() != Order::Standby {
+            let _ = scenario.command_from(run(50), Origin::Bench);
+            scenario.fly_us(Command::Standby, origin, COMMAND_PERIOD_US);
+        }
+        scenario.now_us() - since
+    };
+    for ecu in BOTH {
+        let found = || {
+            let mut scenario = Scenario::nothing_received(ecu, ecu.config());
+            scenario.values.half_percents = 100;
+            scenario.reports = Some(Reports::Running);
+            scenario.introduce();
+            // A ZK engine that reports no throttle is looked at for 3 s, and is at idle until Bench has waited for 2 s.
+            for _ in 0..120 {
+                if scenario.order() != Order::Run(percent(50)) {
+                    scenario.fly_us(run(50), Origin::Bench, COMMAND_PERIOD_US);
+                }
+            }
+            assert_eq!(scenario.order(), Order::Run(percent(50)), "{ecu:?}");
+            scenario
+        };
+        let took = both(&mut found(), Origin::Mavlink, 20 * SECOND);
+        assert!((2 * SECOND..6 * SECOND).contains(&took), "{ecu:?}: {took} µs");
+        // Where the source whose run it is commands in time, the run continues.
+        let mut scenario = found();
+        both(&mut scenario, Origin::Mavlink, SECOND);
+        for _ in 0..200 {
+            let _ = scenario.command_from(Command::Standby, Origin::Mavlink);
+            scenario.fly_us(run(50), Origin::Rc, COMMAND_PERIOD_US);
+            assert_eq!(scenario.order(), Order::Run(percent(50)), "{ecu:?}");
+        }
+        let mut own = found();
+        own.fly_us(Command::Standby, Origin::Bench, SECOND);
+        assert_eq!(own.order(), Order::Standby, "{ecu:?}");
+        let mut known = flying(ecu);
+        known.fly_us(run(50), Origin::Bench, 3 * SECOND);
+        let took = both(&mut known, Origin::Mavlink, 20 * SECOND);
+        assert!(took < SECOND, "{ecu:?}: {took} µs");
+    }
+}
+
 /// Without a record, an ECU that is not received may have a running engine. Whoever commands standby meanwhile may not be the one whose run it
 /// is: only the emergency input, which no source is above, and `ShutDown` count at once.
 #[test]
