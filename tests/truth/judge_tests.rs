@@ -1,6 +1,7 @@
 //! The judge can fail: for each rule, a hand-made history that breaks only this rule, and one that keeps it.
 
 mod flight;
+mod limits;
 mod mavlink;
 mod power;
 mod prompt;
@@ -10,6 +11,7 @@ mod silence;
 mod starts;
 mod sticks;
 mod stops;
+mod trips;
 mod valve;
 mod waiting;
 
@@ -222,4 +224,13 @@ fn flight(kind: Kind, until: f64) -> Story {
         .streams(PILOT, 31.0, until, PilotCommand::Run(Demanded::Throttle(500)))
         .wire(31.0, until, HALF)
         .turbine(RUNS as f64, until, Phase::Running, 100_000.0, 500.0)
+}
+
+/// An AMT engine is shut down in flight, and its source commands run.
+fn shut_down_uncommanded() -> Story {
+    flight(AMT, 40.0)
+        .streams(PILOT, 40.0, 41.0, PilotCommand::Run(Demanded::Throttle(500)))
+        .turbine(40.0, 40.1, Phase::Running, 60_000.0, 480.0)
+        .turbine(40.1, 41.0, Phase::Cooling, 50_000.0, 400.0)
+        .wire(40.0, 41.0, STANDBY)
 }

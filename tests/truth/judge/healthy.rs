@@ -1,7 +1,7 @@
 //! The converse: an engine that runs, and is sent run, is not shut down, not given up, and not held low.
 
 use super::case::{Case, Rule, seconds};
-use crate::history::{Cause, Demanded, MS, Mark, PilotCommand, Reset, SECOND, Sample, Spans, Switch};
+use crate::history::{Cause, Demanded, MS, Mark, PilotCommand, Reset, SECOND, Sample, Sent, Spans, Switch};
 use sim::turbine::Phase;
 
 /// Time for which an engine has to run, and be received, before the node has to know it.
@@ -468,8 +468,12 @@ impl Case<'_> {
                 unknown.into_iter().find(|(unknown, _)| self.traits().faults_hide_state && *unknown);
             // An engine that was handed over stops when its PWM input is lost, which is not the node's doing.
             let handed_over = h.pwm.contains(at.saturating_sub(h.rules.period));
+            // CTF ends it after the same time, and that was the pilot's command.
+            let last_sent = h.frames[..h.frames.partition_point(|frame| frame.at < at)].last();
+            let by_ctf = last_sent.is_some_and(|frame| frame.sent == Sent::Ctf && frame.arrived);
             if mark == Mark::GivenUp
                 && !handed_over
+                && !by_ctf
                 && ran
                 && run(at)
                 && run(since)
