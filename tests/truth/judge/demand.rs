@@ -155,7 +155,12 @@ impl Case<'_> {
             let forgot = std::iter::from_fn(|| forgets.next_if(|up| *up <= frame.at));
             if forgot.last().is_some() {
                 let higher = |(_, low): &(Demanded, f64)| before.is_none_or(|(.., before)| *low > before);
-                if let Some((demanded, low)) = obeyed.filter(higher) {
+                // A speed is not reported as it is demanded, only as it is: the shaft may be on its way to a lower one.
+                let found = obeyed.map(|(demanded, low)| match demanded {
+                    Demanded::Rpm(_) => (demanded, low.max(self.fastest(frame.at))),
+                    Demanded::Throttle(_) => (demanded, low),
+                });
+                if let Some((demanded, low)) = found.filter(higher) {
                     before = Some((frame.at - rules.period, demanded, low));
                     (slewed, risen) = (low, low);
                 }
@@ -235,6 +240,13 @@ impl Case<'_> {
                 reported = at + 5 * SECOND;
             }
         }
+    }
+
+    /// The highest speed of the shaft in the last second, as a share.
+    fn fastest(&self, at: u64) -> f64 {
+        let samples = self.h.samples(at.saturating_sub(SECOND), at);
+        let rpm = samples.iter().map(|sample| sample.rpm).fold(0.0, f64::max);
+        rpm / self.h.rules.max_rpm * 1000.0
     }
 
     /// The source in control commands more than this: a rate limits the demand.

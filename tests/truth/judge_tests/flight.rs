@@ -33,6 +33,32 @@ fn a_demand_rises_from_the_one_that_was_sent_before_a_reset() {
     story(Cause::BrownOut, true).passes();
 }
 
+/// No ECU reports which speed it was demanded: a node that has lost its memory continues with that of the shaft, which may be on its way to a
+/// lower one (879001274).
+#[test]
+fn a_speed_continues_from_that_of_the_shaft_after_a_loss_of_power() {
+    let rises = |cause, shaft: f64| {
+        let run = |rpm| PilotCommand::Run(Demanded::Rpm(rpm));
+        let mode = Sent::Mode(Some(Switch::Run), 4);
+        started(ZK5)
+            .streams(PILOT, 31.0, 39.0, PilotCommand::Run(Demanded::Throttle(0)))
+            .wire(31.0, 39.0, IDLE)
+            .turbine(RUNS as f64, 39.0, Phase::Running, 50_000.0, 500.0)
+            .streams(PILOT, 39.0, 40.0, run(60_000))
+            .streams(PILOT, 40.0, 42.0, run(140_000))
+            .wire(39.0, 39.01, mode)
+            .wire(39.05, 40.0, Sent::Rpm(60_000))
+            .wire(40.5, 40.51, mode)
+            .wire(40.6, 42.0, Sent::Rpm(100_000))
+            .turbine(39.0, 42.0, Phase::Running, shaft, 500.0)
+            .with(|h| h.rules.slew_up = Some(100))
+            .with(|h| h.resets.push(Reset { down: 40_020 * MS, up: 40_040 * MS, cause }))
+            .finds(Rule::Rate)
+    };
+    assert!(!rises(Cause::BrownOut, 105_000.0));
+    assert!(rises(Cause::BrownOut, 60_000.0) && rises(Cause::Watchdog, 105_000.0));
+}
+
 /// After a gap the demand rises, unless the stick moves when the engine is confirmed already (760003942).
 #[test]
 fn a_stick_that_moves_in_the_last_slot_of_a_gap_moves_the_demand() {
