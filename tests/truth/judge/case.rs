@@ -231,6 +231,21 @@ impl<'a> Case<'a> {
         gap(self.h)
     }
 
+    /// The gap of a silence that begins then. A frame that no ECU sent may report the slowest rate, which applies until the ECU reports its
+    /// own again.
+    pub fn gap_from(&self, from_us: u64) -> u64 {
+        const SLOWEST: u64 = 50 * MS;
+        let before = from_us.saturating_sub(SECOND)..from_us + self.gap();
+        let forged = self.traits().rounds && self.h.forged.iter().any(|at| before.contains(at));
+        if forged { self.gap().max(gap_at(SLOWEST)) } else { self.gap() }
+    }
+
+    /// The silences that are gaps.
+    pub fn gaps(&self) -> Spans {
+        let gaps = self.blind.iter().filter(|(from, to)| to - from >= self.gap_from(*from));
+        Spans::from(&gaps.collect::<Vec<_>>())
+    }
+
     /// A silence of the node after which an AMT ECU's order is certainly still in force.
     pub const fn order_outlasts(&self) -> u64 {
         self.h.rules.serial_delay.saturating_sub(500 * MS)
@@ -278,7 +293,11 @@ impl<'a> Case<'a> {
 
 /// A silence of the ECU that a node must detect: three expected frames, the slot after them, and what is being sent.
 pub const fn gap(h: &History) -> u64 {
-    4 * h.rules.period + h.rules.period / 2 + 20 * MS
+    gap_at(h.rules.period)
+}
+
+const fn gap_at(period: u64) -> u64 {
+    4 * period + period / 2 + 20 * MS
 }
 
 /// The longest time in which the engine's state is reported twice.

@@ -14,8 +14,8 @@ impl Case<'_> {
     /// the first frame that may show it again.
     fn doubts(&self) -> Spans {
         let h = self.h;
-        let gaps = self.blind.iter().filter(|(from, to)| to - from > self.gap());
-        let gaps = gaps.map(|(from, to)| (from + self.gap(), to));
+        let gaps = self.gaps();
+        let gaps = gaps.iter().map(|(from, to)| (from + self.gap_from(from), to));
         let damaged = h.ruined.iter().filter(|(from, to)| to - from > DAMAGED_MAX + self.gap());
         let damaged = damaged.map(|(from, to)| (from + DAMAGED_MAX + self.gap(), to));
         // Two reports of the state have to arrive. On ZK each round has one.

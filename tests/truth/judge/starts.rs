@@ -403,7 +403,7 @@ impl Case<'_> {
         let h = self.h;
         let starts = self.pairs();
         let lives = self.starts_of_life();
-        let gaps = self.blind.at_least(self.gap());
+        let gaps = self.gaps();
         let mut reported = 0;
         let mut exempt: BTreeMap<&'static str, Spans> = BTreeMap::new();
         for frame in h.frames.iter().filter(|frame| frame.sent.switch() == Some(Switch::Run)) {
@@ -421,7 +421,8 @@ impl Case<'_> {
             }
             let went_out = self.live.last_before(at).map(|(_, to)| to);
             // A gap that is not over, and long enough to be detected.
-            let in_gap = gaps.last_before(at).filter(|(from, to)| at < *to && at > from + self.gap());
+            let in_gap =
+                gaps.last_before(at).filter(|(from, to)| at < *to && at > from + self.gap_from(*from));
             let anew = lives[..lives.partition_point(|life| *life <= at)].last().copied();
             if in_gap.is_none() {
                 // A start that has not lit the engine yet.

@@ -638,6 +638,33 @@ fn an_engine_that_burns_again_is_not_sent_run() {
     start(AMT, 12.0).with(faults).with(forgot(Cause::Watchdog)).breaks_beside(&beside, &[Rule::SecondLife]);
 }
 
+/// An outage in a start, at 100 Hz. A frame that no ECU sent may report the slowest rate, with which no frame is missing yet (880001572).
+#[test]
+fn a_gap_begins_later_where_a_forged_frame_may_report_a_slower_rate() {
+    let late = |rule: Rule, forged: Option<u64>, until: f64| {
+        ready(ZK5)
+            .with(|h| h.rules.period = 10 * MS)
+            .streams(PILOT, 4.0, 8.0, PilotCommand::Run(Demanded::Throttle(0)))
+            .wire(4.0, until, IDLE)
+            .wire(until, 8.0, STANDBY)
+            .mark(4.1, Mark::Ignition)
+            .turbine(5.0, 8.0, Phase::Standby, 0.0, 15.0)
+            .with(move |h| {
+                let lit = h.samples.iter_mut().filter(|s| (4100 * MS..4200 * MS).contains(&s.at));
+                lit.for_each(|sample| (sample.phase, sample.lit) = (Phase::Ignition, true));
+                h.unpowered = Spans::from(&[(4200 * MS, 4280 * MS)]);
+                h.rules.boot = 30 * MS;
+                h.forged.extend(forged.map(|at| at * MS));
+            })
+            .finds(rule)
+    };
+    for rule in [Rule::RunAtRest, Rule::Doubt] {
+        let cases = [(Some(3950), 4.36), (None, 4.36), (Some(3100), 4.36), (None, 4.25)];
+        let found = cases.map(|(forged, until)| late(rule, forged, until));
+        assert_eq!(found, [false, true, true, false], "{rule:?}");
+    }
+}
+
 #[test]
 fn a_start_of_a_zk_engine_ends_after_its_time() {
     let run = PilotCommand::Run(Demanded::Throttle(0));
