@@ -316,6 +316,22 @@ impl Case<'_> {
                 self.verdict.exempt("AMT, a relight by the ECU while the wire to the node is cut", at - from);
                 continue;
             }
+            // Nor was it seen in noise that the flame had gone out, or that a start had failed. The ECU acts on the last run that it was sent.
+            let out = self.live.last_before(at).map(|(_, to)| to.min(at));
+            let hidden = out.filter(|out| {
+                let noise = h.noise.within(*out, at).min(10 * SECOND);
+                self.traits().replies_only
+                    && noise > 0
+                    && sent <= out + self.one_state() + noise
+                    && at < sent + h.rules.gives_up_after + SECOND
+            });
+            if let Some(out) = hidden {
+                self.verdict.exempt(
+                    "AMT, an ignition by the ECU after noise that hid the end of the last one",
+                    at - out,
+                );
+                continue;
+            }
             // An ECU that boots with run on its PWM input starts without a command, until the first frame on
             // the line.
             let booted = h

@@ -150,3 +150,20 @@ fn a_trip_that_clears_while_the_exhaust_is_hot_cannot_be_seen() {
     assert!(!breaks(56.0, 12.0));
     assert!(breaks(56.0, 20.0));
 }
+
+/// 881000114: noise hides that a start has failed, or that the flame is out, and the ECU acts on the last run that it was sent.
+#[test]
+fn noise_hides_that_an_engine_is_out() {
+    let ignites = |until: f64, at: f64| {
+        flight(AMT, 40.0)
+            .streams(PILOT, 40.0, 46.0, PilotCommand::Run(Demanded::Throttle(500)))
+            .wire(40.0, 43.0, HALF)
+            .turbine(40.0, at, Phase::Standby, 0.0, 90.0)
+            .turbine(at, 46.0, Phase::Ignition, 5000.0, 90.0)
+            .mark(at, Mark::Ignition)
+            .with(|h| h.noise = Spans::from(&[(39 * SECOND, micros(until))]))
+            .finds(Rule::Ignition)
+    };
+    assert!(!ignites(43.2, 45.0));
+    assert!(ignites(40.3, 45.0) && ignites(43.2, 45.99));
+}
