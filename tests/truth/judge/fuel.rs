@@ -167,13 +167,16 @@ impl Case<'_> {
                 received = commanded.at;
             }
             ends = ends.min(received + self.command_log.age(command.source) + h.rules.hold + SECOND);
-            // Ten frames that were all lost close nothing; the next disarm, stop or reset sends ten more.
-            while let Some(last) = self.lost_closing(ends, to) {
+            // Ten frames that were all lost close nothing, also those of its source's standby; the next disarm, stop or reset sends ten
+            // more.
+            let mut since = open;
+            while let Some(last) = self.lost_closing(since, to) {
                 let again = h.commanded(last, to).iter().filter(|commanded| {
                     matches!(commanded.command, PilotCommand::Stop | PilotCommand::Disarm)
                 });
                 let reset = h.resets.iter().map(|reset| reset.up).filter(|up| *up > last);
                 ends = again.map(|commanded| commanded.at).chain(reset).min().unwrap_or(u64::MAX);
+                since = ends;
             }
             // A test in between has its own limit, in the ECU.
             let tests =

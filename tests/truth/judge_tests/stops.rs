@@ -268,25 +268,27 @@ fn an_open_pump_is_closed_when_its_source_falls_silent_and_at_a_disarm() {
     // Its bound in time.
     story(50.0, 50.0).breaks(&[Rule::Pump]);
     // Ten frames that are all lost close nothing; the next disarm does.
-    let lost = |frames: u64, again: f64, flows: f64| {
+    let lost_by = |by: PilotCommand, frames: u64, again: f64, flows: f64| {
         let closing = 10.05 + 0.1 * frames as f64;
-        story(35.0, flows)
-            .once(PILOT, 10.0, PilotCommand::Disarm)
-            .once(PILOT, again, PilotCommand::Disarm)
-            .with(move |h| {
-                h.frames.retain(|frame| !(micros(10.05)..micros(closing)).contains(&frame.at));
-                h.deaf = Spans::from(&[(micros(10.04), micros(closing))]);
-                let sent = Sent::Action(13);
-                let at = (0..frames).map(|each| micros(10.05) + each * 100 * MS);
-                h.frames.extend(at.map(|at| Frame { at, arrived: false, sent }));
-            })
+        story(35.0, flows).once(PILOT, 10.0, by).once(PILOT, again, PilotCommand::Disarm).with(move |h| {
+            h.frames.retain(|frame| !(micros(10.05)..micros(closing)).contains(&frame.at));
+            h.deaf = Spans::from(&[(micros(10.04), micros(closing))]);
+            let sent = Sent::Action(13);
+            let at = (0..frames).map(|each| micros(10.05) + each * 100 * MS);
+            h.frames.extend(at.map(|at| Frame { at, arrived: false, sent }));
+        })
     };
+    let lost = |frames, again, flows| lost_by(PilotCommand::Disarm, frames, again, flows);
     lost(10, 25.0, 26.0).passes();
     lost(10, 25.0, 30.0).breaks(&[Rule::Pump]);
     lost(9, 25.0, 26.0).breaks(&[Rule::Pump]);
     lost(10, 25.0, 26.0)
         .with(|h| h.frames.iter_mut().for_each(|frame| frame.arrived = true))
         .breaks(&[Rule::Pump]);
+    // They may have been those of a standby (881001287), after which the bound in time sends none.
+    let standby = |frames, flows| lost_by(PilotCommand::Standby, frames, 45.0, flows);
+    standby(10, 44.0).passes();
+    standby(9, 44.0).breaks(&[Rule::Pump]);
 }
 
 #[test]
