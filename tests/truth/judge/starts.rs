@@ -120,8 +120,8 @@ impl Case<'_> {
         // An outage that has only just begun, or is shorter than a gap with the boot after it, cannot be detected. An AMT ECU reports
         // that it was powered up.
         let seen_at = |(from, to): (u64, u64)| {
-            let gap = Some(from + self.gap()).filter(|_| to + h.rules.boot - from >= self.gap());
-            let reported = Some(to + h.rules.boot).filter(|_| self.traits().reports_power_up);
+            let gap = (to + h.rules.boot - from >= self.gap()).then_some(from + self.gap());
+            let reported = self.traits().reports_power_up.then_some(to + h.rules.boot);
             gap.into_iter().chain(reported).min()
         };
         let outage = |(from, to): (u64, u64)| {

@@ -402,7 +402,7 @@ fn raised_after_a_reset(commanded: impl Fn(u64) -> u8, is_first: bool) -> Result
             judge.input(at, Input::Boot { retained, down: BEGINS - RESET })?;
         }
         let off = (RESET..BEGINS).contains(&at);
-        if !off && (at < 10 * SECOND || at >= RESET - 1500 * MS) && at % (50 * MS) == 10 * MS {
+        if !off && !(10 * SECOND..RESET - 1500 * MS).contains(&at) && at % (50 * MS) == 10 * MS {
             let demanded = percent(at.checked_sub(BEGINS).map_or(0, |after| commanded(after / MS)));
             judge.input(at, commands(if starts { Command::Run(demanded) } else { Command::Standby }))?;
         }
