@@ -248,6 +248,11 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         self.room.is_none_or(|defaults| fit(self.changes(defaults), defaults.room))
     }
 
+    /// Whether that RAM is all that retains the current settings, and does.
+    fn is_only_in_ram(&self) -> bool {
+        self.storage == ParameterStorage::Lost && self.fits()
+    }
+
     /// The record in a place, with its key, as it should be stored.
     pub fn record(&self, place: usize) -> Option<(u8, Record)> {
         self.record_of(place, None)
@@ -453,7 +458,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         };
         let old = self.value(place, parameter).unwrap_or_default();
         // Where it does not fit anyway, this change is not the reason.
-        let fitted = self.storage == ParameterStorage::Lost && self.fits();
+        let fitted = self.is_only_in_ram();
         let result = match self.check(port, from.system, Kind::Acts) {
             // A person at the board sets who may command: otherwise nobody could.
             Err(why)
@@ -500,7 +505,7 @@ impl<'a, const N: usize, const P: usize, A: Attached> Service<'a, N, P, A> {
         }
         let old = names.map(|name| self.attached.number(engine, name).unwrap_or_default());
         let place = Place::Engine(engine);
-        let fitted = self.storage == ParameterStorage::Lost && self.fits();
+        let fitted = self.is_only_in_ram();
         self.attached.calibrate(engine, false)?;
         let overflows = fitted && !self.fits();
         for (name, old) in names.into_iter().zip(old) {

@@ -15,7 +15,6 @@ use crate::settings::NodeSettings;
 use crate::store::NotSaved;
 use embassy_time::Instant;
 use jetlink::setting::{Effect, Row, Unit};
-use std::boxed::Box;
 use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
 use std::rc::Rc;
@@ -314,12 +313,7 @@ fn a_calibration_that_ram_cannot_retain_is_refused_where_nothing_is_stored() {
         world.toy.on.set(true);
         let calibrated = async |room: usize| {
             *world.toy.numbers.borrow_mut() = [[0; 3]; 2];
-            {
-                let mut service = world.service.borrow_mut();
-                service.set_parameter_storage(ParameterStorage::Lost);
-                let now: usize = service.changes(&DEFAULTS).map(|(_, record)| 2 + record.len()).sum();
-                service.set_room(Box::leak(Box::new(Defaults { room: 4 + now + room, ..DEFAULTS })));
-            }
+            world.leave_room(ParameterStorage::Lost, DEFAULTS, room);
             assert_eq!(world.command(ENGINE[1], 31010, &[40.0]).await.0, Some(0));
             let (answer, text) = world.command(ENGINE[1], 31010, &[41.0]).await;
             (answer, text, world.toy.numbers.borrow()[1])

@@ -17,7 +17,6 @@ use jetlink::config::EngineConfig;
 use jetlink::ecu::zk::codec::Rate;
 use jetlink::engine::state::EngineState;
 use jetlink::line::Line;
-use std::boxed::Box;
 use std::collections::BTreeMap;
 use std::string::{String, ToString};
 use std::vec::Vec;
@@ -337,13 +336,8 @@ fn a_change_that_ram_cannot_retain_is_refused_where_nothing_is_stored() {
     };
     run(async |world| {
         world.ready().await;
-        let set_storage = |storage| {
-            let mut service = world.service.borrow_mut();
-            service.set_parameter_storage(storage);
-            // For what there is, and one change of the node beside the id that was learnt.
-            let now: usize = service.changes(&NONE).map(|(_, record)| 2 + record.len()).sum();
-            service.set_room(Box::leak(Box::new(Defaults { room: 4 + now + 6, ..NONE })));
-        };
+        // For one change of the node beside the id that was learnt.
+        let set_storage = |storage| world.leave_room(storage, NONE, 6);
         set_storage(ParameterStorage::Lost);
         assert_eq!(world.set(NODE, "MAV_GCS_2", 9.0).await.0, Some(9.0));
         let (echo, text) = world.set(NODE, "MAV_EFI_EVERY", 500.0).await;

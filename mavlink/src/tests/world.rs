@@ -6,7 +6,8 @@ use crate::frame::{Address, Decoder, Frame, MAX_FRAME, encode, encode_to_sign};
 use crate::ids::*;
 use crate::port::PortConfig;
 use crate::report::state_number;
-use crate::service::{EngineParts, Request, Service};
+use crate::retained_settings::Defaults;
+use crate::service::{EngineParts, ParameterStorage, Request, Service};
 use crate::settings::{EngineSettings, Identity, NodeSettings};
 use crate::signing::{Key, Seal, Signature, SigningState, Stamp};
 use bench::rows::{self, simulated, simulated_as};
@@ -26,6 +27,7 @@ use mavlink_core::MessageData;
 use sim::amt::AmtEcu;
 use sim::clock;
 use sim::wire::Plug;
+use std::boxed::Box;
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 use std::string::String;
@@ -290,6 +292,14 @@ impl World<'_> {
         let toy = Toy(self.toy.clone());
         self.service.replace(Service::with(now, settings, signing, parts, ports, toy));
         self.restarted.set(true);
+    }
+
+    /// RAM has space for the settings that differ from these defaults, and this many bytes more.
+    pub fn leave_room(&self, storage: ParameterStorage, defaults: Defaults<'static>, bytes: usize) {
+        let mut service = self.service.borrow_mut();
+        service.set_parameter_storage(storage);
+        let now: usize = service.changes(&defaults).map(|(_, record)| 2 + record.len()).sum();
+        service.set_room(Box::leak(Box::new(Defaults { room: 4 + now + bytes, ..defaults })));
     }
 
     /// Outputs 3 and 4, which engines 0 and 1 follow.

@@ -245,8 +245,8 @@ impl Case<'_> {
     /// The highest speed of the shaft in the last second, as a share.
     fn fastest(&self, at: u64) -> f64 {
         let samples = self.h.samples(at.saturating_sub(SECOND), at);
-        let rpm = samples.iter().map(|sample| sample.rpm).fold(0.0, f64::max);
-        rpm / self.h.rules.max_rpm * 1000.0
+        let rpm = samples.iter().map(|sample| sample.rpm as u32).max().unwrap_or_default();
+        self.share(Demanded::Rpm(rpm))
     }
 
     /// The source in control commands more than this: a rate limits the demand.

@@ -14,8 +14,6 @@ impl Case<'_> {
     /// the first frame that may show it again.
     fn doubts(&self) -> Spans {
         let h = self.h;
-        let gaps = self.gaps();
-        let gaps = gaps.iter().map(|(from, to)| (from + self.gap_from(from), to));
         let damaged = h.ruined.iter().filter(|(from, to)| to - from > DAMAGED_MAX + self.gap());
         let damaged = damaged.map(|(from, to)| (from + DAMAGED_MAX + self.gap(), to));
         // Two reports of the state have to arrive. On ZK each round has one.
@@ -27,7 +25,8 @@ impl Case<'_> {
             // The order is gone: two sets have to be consistent before the next reply.
             if self.traits().serial_delay && noticed > waits { h.rules.period - 20 * MS } else { 0 }
         };
-        let gaps = gaps.map(|(from, to)| (from, to + given_up(from.saturating_sub(self.gap()), to)));
+        let gaps = self.gaps();
+        let gaps = gaps.iter().map(|(from, to)| (from + self.gap_from(from), to + given_up(from, to)));
         let spans: Vec<_> = gaps.chain(damaged).map(|(from, to)| (from, to + confirms)).collect();
         // After a reset, too.
         let resets = h.resets.iter().map(|reset| (reset.up, reset.up + confirms));

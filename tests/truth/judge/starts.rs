@@ -316,22 +316,6 @@ impl Case<'_> {
                 self.verdict.exempt("AMT, a relight by the ECU while the wire to the node is cut", at - from);
                 continue;
             }
-            // Nor was it seen in noise that the flame had gone out, or that a start had failed. The ECU acts on the last run that it was sent.
-            let out = self.live.last_before(at).map(|(_, to)| to.min(at));
-            let hidden = out.filter(|out| {
-                let noise = h.noise.within(*out, at).min(10 * SECOND);
-                self.traits().replies_only
-                    && noise > 0
-                    && sent <= out + self.one_state() + noise
-                    && at < sent + h.rules.gives_up_after + SECOND
-            });
-            if let Some(out) = hidden {
-                self.verdict.exempt(
-                    "AMT, an ignition by the ECU after noise that hid the end of the last one",
-                    at - out,
-                );
-                continue;
-            }
             // An ECU that boots with run on its PWM input starts without a command, until the first frame on
             // the line.
             let booted = h
@@ -357,6 +341,22 @@ impl Case<'_> {
             });
             if let Some(out) = deaf {
                 self.verdict.exempt("a relight by the ECU while the wire to it is cut", at - out);
+                continue;
+            }
+            // Noise hid that the flame had gone out, or that a start had failed: it acts on the last run that it was sent.
+            let hidden = out.filter(|out| {
+                let noise = h.noise.within(*out, at).min(10 * SECOND);
+                self.traits().replies_only
+                    && !self.live.contains(at.saturating_sub(1))
+                    && noise > 0
+                    && sent <= out + self.one_state() + noise
+                    && at < sent + h.rules.gives_up_after + SECOND
+            });
+            if let Some(out) = hidden {
+                self.verdict.exempt(
+                    "AMT, an ignition by the ECU after noise that hid the end of the last one",
+                    at - out,
+                );
                 continue;
             }
             // With error sets only, the order continues until the exhaust shows that the engine is out, within 4 s: an ECU that

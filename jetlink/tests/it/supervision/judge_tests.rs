@@ -327,43 +327,70 @@ fn a_lost_demand_is_at_the_fail_safe_a_frame_after_its_ramp() {
     }
 }
 
-/// A source was lost, is received again `from` an instant before the reset, of the 2 s that it takes, and continues after the reset. The verdict on
-/// a frame with 1 % that is sent `after` the node has begun; the lower source commands 0 %.
-fn received_before_and_after_a_reset(from: u64, after: u64) -> Result<(), String> {
-    const BEGINS: u64 = RESET + 50 * MS;
+/// The node begins again after [`RESET`].
+const BEGINS: u64 = RESET + 50 * MS;
+
+/// RC arms the engine, which runs from 4 s on, and is reset with this demand of RC retained, which was lost. `step` is what else happens at each
+/// instant until `until`; it gets whether the engine has been ordered to run.
+fn over_a_reset(
+    judge: &mut Oracle,
+    retained: Demand,
+    until: u64,
+    mut step: impl FnMut(&mut Oracle, u64, bool) -> Result<(), String>,
+) -> Result<(), String> {
+    judge.input(0, by_rc(Command::Arm))?;
+    for at in (0..until).step_by((10 * MS) as usize) {
+        let (starts, truth) = started_at_3_s(at);
+        judge.input(at, Input::Truth(truth))?;
+        if at == BEGINS {
+            let retained = Retained::Whole(Some((Origin::Rc, retained, true)));
+            judge.input(at, Input::Boot { retained, down: BEGINS - RESET })?;
+        }
+        step(judge, at, starts)?;
+    }
+    Ok(())
+}
+
+fn by_rc(command: Command) -> Input {
+    Input::Commanded(Origin::Rc, command, Ok(Accepted::InForce))
+}
+
+/// RC is lost after 200 ms, and received again after 2 s.
+fn judge_of_a_source_that_recovers() -> Oracle {
     let config = Ecu::Amt.with(|s| {
         s.timeouts.rc = Duration::from_millis(200);
         s.recover_after = Duration::from_secs(2);
         s.return_within = Duration::from_ticks(0);
         s.takeover.within = Duration::from_ticks(0);
     });
-    let (Demand::Throttle(idle), Demand::Throttle(half)) = (percent(0), percent(50)) else { unreachable!() };
-    let mut judge = Oracle::new(config, false, 36_000, 100_000);
-    let commands = |origin, command| Input::Commanded(origin, command, Ok(Accepted::InForce));
-    judge.input(0, commands(Origin::Rc, Command::Arm))?;
-    for at in (0..BEGINS + after).step_by((10 * MS) as usize) {
-        let (starts, truth) = started_at_3_s(at);
-        judge.input(at, Input::Truth(truth))?;
-        if at == BEGINS {
-            let retained = Retained::Whole(Some((Origin::Rc, Demand::Throttle(idle), true)));
-            judge.input(at, Input::Boot { retained, down: BEGINS - RESET })?;
-        }
-        let off = (RESET..BEGINS).contains(&at);
-        let order = if starts { Command::Run(Demand::Throttle(idle)) } else { Command::Standby };
+    Oracle::new(config, false, 36_000, 100_000)
+}
+
+/// A frame at idle, every 120 ms while the node is not in the reset.
+fn idles(judge: &mut Oracle, at: u64) -> Result<(), String> {
+    if !(RESET..BEGINS).contains(&at) && at.is_multiple_of(120 * MS) {
+        let runs = at > 3 * SECOND + 10 * MS;
+        judge.frame(at, Frame::Full(if runs { Switch::Run } else { Switch::Standby }, 0))?;
+    }
+    Ok(())
+}
+
+/// A source was lost, is received again `from` an instant before the reset, of the 2 s that it takes, and continues after the reset. The verdict on
+/// a frame with 1 % that is sent `after` the node has begun; the lower source commands 0 %.
+fn received_before_and_after_a_reset(from: u64, after: u64) -> Result<(), String> {
+    let mut judge = judge_of_a_source_that_recovers();
+    over_a_reset(&mut judge, percent(0), BEGINS + after, |judge, at, starts| {
+        let order = if starts { Command::Run(percent(0)) } else { Command::Standby };
         let received = at < 10 * SECOND || (from..18_970 * MS + SECOND).contains(&at) || at > BEGINS;
         if received && at % (50 * MS) == 10 * MS {
             let returned = at > 18 * SECOND;
-            let run = Command::Run(Demand::Throttle(half));
-            judge.input(at, commands(Origin::Rc, if returned { run } else { order }))?;
+            judge.input(at, by_rc(if returned { Command::Run(percent(50)) } else { order }))?;
         }
-        if !off && at > 5 * SECOND && at % (50 * MS) == 0 {
-            judge.input(at, commands(Origin::Bench, order))?;
+        if !(RESET..BEGINS).contains(&at) && at > 5 * SECOND && at % (50 * MS) == 0 {
+            judge.input(at, Input::Commanded(Origin::Bench, order, Ok(Accepted::InForce)))?;
         }
-        if !off && at % (120 * MS) == 0 {
-            let runs = at > 3 * SECOND + 10 * MS;
-            judge.frame(at, Frame::Full(if runs { Switch::Run } else { Switch::Standby }, 0))?;
-        }
-    }
+        idles(judge, at)
+    })?;
     judge.frame(BEGINS + after, Frame::Full(Switch::Run, 10)).map(|_| ())
 }
 
@@ -382,35 +409,15 @@ fn a_source_that_was_lost_counts_as_received_up_to_the_reset() {
 /// As above, received for 1.5 s before the reset, after which it commands this, in percent at a time in ms. The verdict on a frame with 90 % that is sent
 /// 0.95 s after the reset: the first one, or after ones with 0 %.
 fn raised_after_a_reset(commanded: impl Fn(u64) -> u8, is_first: bool) -> Result<(), String> {
-    const BEGINS: u64 = RESET + 50 * MS;
-    let config = Ecu::Amt.with(|s| {
-        s.timeouts.rc = Duration::from_millis(200);
-        s.recover_after = Duration::from_secs(2);
-        s.return_within = Duration::from_ticks(0);
-        s.takeover.within = Duration::from_ticks(0);
-        s.loss.standby_after = None;
-    });
-    let Demand::Throttle(idle) = percent(0) else { unreachable!() };
-    let mut judge = Oracle::new(config, false, 36_000, 100_000);
-    let commands = |command| Input::Commanded(Origin::Rc, command, Ok(Accepted::InForce));
-    judge.input(0, commands(Command::Arm))?;
-    for at in (0..BEGINS + 950 * MS).step_by((10 * MS) as usize) {
-        let (starts, truth) = started_at_3_s(at);
-        judge.input(at, Input::Truth(truth))?;
-        if at == BEGINS {
-            let retained = Retained::Whole(Some((Origin::Rc, Demand::Throttle(idle), true)));
-            judge.input(at, Input::Boot { retained, down: BEGINS - RESET })?;
-        }
-        let off = (RESET..BEGINS).contains(&at);
-        if !off && !(10 * SECOND..RESET - 1500 * MS).contains(&at) && at % (50 * MS) == 10 * MS {
+    let mut judge = judge_of_a_source_that_recovers();
+    over_a_reset(&mut judge, percent(0), BEGINS + 950 * MS, |judge, at, starts| {
+        let silent = (10 * SECOND..RESET - 1500 * MS).contains(&at) || (RESET..BEGINS).contains(&at);
+        if !silent && at % (50 * MS) == 10 * MS {
             let demanded = percent(at.checked_sub(BEGINS).map_or(0, |after| commanded(after / MS)));
-            judge.input(at, commands(if starts { Command::Run(demanded) } else { Command::Standby }))?;
+            judge.input(at, by_rc(if starts { Command::Run(demanded) } else { Command::Standby }))?;
         }
-        if !off && at % (120 * MS) == 0 && (at < RESET || !is_first) {
-            let runs = at > 3 * SECOND + 10 * MS;
-            judge.frame(at, Frame::Full(if runs { Switch::Run } else { Switch::Standby }, 0))?;
-        }
-    }
+        if at < RESET || !is_first { idles(judge, at) } else { Ok(()) }
+    })?;
     judge.frame(BEGINS + 950 * MS, Frame::Full(Switch::Run, 900)).map(|_| ())
 }
 
@@ -438,7 +445,6 @@ fn the_demand_of_a_source_that_was_received_before_a_reset_may_have_been_reached
 /// An rpm whose source is silent from 19 s on, so that it falls from 140 000 rpm by 16 000 rpm/s from 19.5 s on, and a reset at 20 s. The verdict on
 /// 125 000 rpm that are sent `after` the node has begun. A transmitter that hangs does so from 19.4 s until 1 s after the reset.
 fn lost_rpm_after_a_reset(hangs: bool, after: u64) -> Result<(), String> {
-    const BEGINS: u64 = RESET + 50 * MS;
     let config = Ecu::Zk.with(|s| {
         s.timeouts.rc = Duration::from_millis(500);
         s.loss.hold = Duration::from_ticks(0);
@@ -448,24 +454,16 @@ fn lost_rpm_after_a_reset(hangs: bool, after: u64) -> Result<(), String> {
     let rpm = |rpm| Demand::Rpm(Rpm::new(rpm));
     let code = |rpm: u32| Frame::RpmCode(u16::try_from(rpm / 40).unwrap());
     let mut judge = Oracle::new(config, true, 50_000, 160_000);
-    let commands = |command| Input::Commanded(Origin::Rc, command, Ok(Accepted::InForce));
-    judge.input(0, commands(Command::Arm))?;
-    for at in (0..BEGINS + after).step_by((10 * MS) as usize) {
-        let (starts, truth) = started_at_3_s(at);
-        judge.input(at, Input::Truth(truth))?;
+    over_a_reset(&mut judge, rpm(132_000), BEGINS + after, |judge, at, starts| {
         if hangs && at == 19_400 * MS {
             judge.input(at, Input::HungUntil(60 * SECOND))?;
         }
         if hangs && at == BEGINS + SECOND {
             judge.input(at, Input::HungUntil(at))?;
         }
-        if at == BEGINS {
-            let retained = Retained::Whole(Some((Origin::Rc, rpm(132_000), true)));
-            judge.input(at, Input::Boot { retained, down: BEGINS - RESET })?;
-        }
         if at < 19 * SECOND && at % (50 * MS) == 10 * MS {
             let demand = rpm(if at < 10 * SECOND { 50_000 } else { 140_000 });
-            judge.input(at, commands(if starts { Command::Run(demand) } else { Command::Standby }))?;
+            judge.input(at, by_rc(if starts { Command::Run(demand) } else { Command::Standby }))?;
         }
         if at < 19_400 * MS && at % (100 * MS) == 0 {
             let runs = at > 3 * SECOND + 10 * MS;
@@ -476,7 +474,8 @@ fn lost_rpm_after_a_reset(hangs: bool, after: u64) -> Result<(), String> {
                 judge.frame(at + 50 * MS, code(risen))?;
             }
         }
-    }
+        Ok(())
+    })?;
     judge.frame(BEGINS + after, Frame::Mode(Switch::Run, 4))?;
     judge.frame(BEGINS + after + 50 * MS, code(125_000)).map(|_| ())
 }
