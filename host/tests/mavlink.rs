@@ -4,11 +4,14 @@
 //! index), it prints which tests did not run, and fails only in CI.
 #![cfg(unix)]
 
+#[path = "support/frame.rs"]
+mod frame;
 #[path = "support/process.rs"]
 mod process;
 #[path = "support/python.rs"]
 mod python;
 
+use frame::frame;
 use process::Running;
 use python::{check, check_pilot, free_port, interpreter, python, script};
 use std::io::{BufRead, BufReader, Write};
@@ -123,21 +126,6 @@ fn under_arduplane(script: &str, usual_speed: &str, instance: &str, end: &str) {
         [("VEHICLE", "1"), ("SPEED", &speed), ("INSTANCE", instance), (ARDUPLANE, arduplane.as_str())];
     let output = play(&python, script, &variables, &[]);
     check(&output, end);
-}
-
-/// A frame of a ground station, version 1.
-fn frame(id: u8, extra: u8, payload: &[u8]) -> Vec<u8> {
-    let mut frame = vec![0xFE, payload.len() as u8, 0, 255, 190, id];
-    frame.extend(payload);
-    let mut crc = 0xFFFF_u16;
-    for byte in frame[1..].iter().chain(&[extra]) {
-        crc ^= u16::from(*byte);
-        for _ in 0..8 {
-            crc = if crc & 1 != 0 { crc >> 1 ^ 0x8408 } else { crc >> 1 };
-        }
-    }
-    frame.extend(crc.to_le_bytes());
-    frame
 }
 
 /// A station on a UDP port of its own.

@@ -13,10 +13,10 @@ use jetlink::command::Origin;
 use jetlink_mavlink::port::PortConfig;
 use jetlink_mavlink::runner::Runner;
 use jetlink_mavlink::service::{EngineParts, Request, Service};
-use jetlink_mavlink::settings::{EngineSettings, NodeSettings};
+use jetlink_mavlink::settings::{EngineSettings, Identity, NodeSettings};
 use jetlink_mavlink::signing::SigningState;
 use jetlink_rc::parameters::Parameters;
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::future::pending;
 
 /// Most ports.
@@ -44,6 +44,8 @@ pub struct Mavlink {
     ports: Vec<PortConfig>,
     settings: RefCell<NodeSettings>,
     signing: RefCell<SigningState>,
+    /// The ids in force ([`Identity::packed`]): a reset in flight changes none.
+    identity: Cell<Option<u32>>,
     engines: RefCell<Vec<EngineSettings>>,
 }
 
@@ -62,6 +64,7 @@ impl Mavlink {
             ports: addresses.iter().map(config).collect(),
             settings: RefCell::new(settings),
             signing: RefCell::new(SigningState::NONE),
+            identity: Cell::new(None),
             engines: RefCell::new(vec![EngineSettings { source, ..EngineSettings::DEFAULT }; engines.len()]),
         })
     }
@@ -83,11 +86,14 @@ impl Mavlink {
         let signing = self.signing.borrow().clone();
         let outputs = node.shared().map(|shared| (shared, node.output_settings()));
         let attached = Parameters::new(radio.map(|(_, receiver)| receiver), outputs);
-        let service: Service<'_, MOST_ENGINES, MOST_PORTS, Parameters<'_, '_, MOST_ENGINES>> =
+        let mut service: Service<'_, MOST_ENGINES, MOST_PORTS, Parameters<'_, '_, MOST_ENGINES>> =
             Service::with(Instant::now(), settings, signing, parts, self.ports.iter().copied(), attached);
+        let identity = Identity::at_start(settings.identity, self.identity.get(), node.was_in_flight());
+        service.set_identity(Instant::now(), identity);
         let runner = Runner::new(service);
         let time = runner.keep_time(|now, service| {
             self.settings.replace(*service.settings());
+            self.identity.set(Some(service.identity().packed()));
             self.signing.replace(service.signing(now));
             for (i, (config, settings)) in service.engine_settings().enumerate() {
                 node.configure(i, *config);

@@ -67,6 +67,8 @@ pub struct Node<'a> {
     wanted: Cell<Option<Reset>>,
     /// What caused the last reset.
     cause: Cell<Cause>,
+    /// Whether an engine was not at rest then.
+    in_flight: Cell<bool>,
     /// Commands of each engine that were rejected because the node had just started, as it always does.
     rejected_at_start: RefCell<Vec<u32>>,
 }
@@ -88,6 +90,7 @@ impl<'a> Node<'a> {
             before: RefCell::new(vec![Counters::default(); engines.len()]),
             wanted: Cell::new(None),
             cause: Cell::new(Cause::PowerLost),
+            in_flight: Cell::new(false),
             rejected_at_start: RefCell::new(vec![0; engines.len()]),
         };
         node.boot();
@@ -103,6 +106,10 @@ impl<'a> Node<'a> {
             Cause::BrownOut | Cause::PowerLost => retained::Reset::PowerLost,
         };
         // From what was retained, before anything else.
+        let flies = |memory: &RetainedMemory| {
+            memory.load(0, retained::Reset::PowerLost).is_some_and(|record| !record.is_at_rest())
+        };
+        self.in_flight.set(self.memory.iter().any(flies));
         let last = self.outputs.take();
         let is_retained = self.cause.get() != Cause::PowerLost;
         let outputs = self.memory.iter().zip(self.output_settings.get()).enumerate();
@@ -162,6 +169,11 @@ impl<'a> Node<'a> {
     /// Waits for one. The code that requests it shares a task with the code that waits.
     pub async fn wanted(&self) -> Reset {
         poll_fn(|_| self.wanted.take().map_or(Poll::Pending, Poll::Ready)).await
+    }
+
+    /// Whether an engine was not at rest at the last reset, as far as memory that survives it shows.
+    pub const fn was_in_flight(&self) -> bool {
+        self.in_flight.get()
     }
 
     /// Whether it runs.

@@ -3,6 +3,9 @@
 
 mod busy;
 mod ending;
+#[path = "../support/frame.rs"]
+mod frame;
+mod mavlink;
 #[path = "../support/process.rs"]
 mod process;
 #[path = "../support/signals.rs"]

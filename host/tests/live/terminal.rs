@@ -19,7 +19,7 @@ const MOUSE_OFF: &str = "\u{1b}[?1000l";
 const SHOW_CURSOR: &str = "\u{1b}[?25h";
 
 /// A rig on a terminal of its own.
-struct Terminal {
+pub struct Terminal {
     child: Child,
     /// Input for a person's keys.
     keyboard: Option<File>,
@@ -33,7 +33,7 @@ struct Terminal {
 }
 
 impl Terminal {
-    fn start(args: &[&str]) -> Self {
+    pub fn start(args: &[&str]) -> Self {
         Self::start_as("xterm-256color", jetlink(args))
     }
 
@@ -67,13 +67,13 @@ impl Terminal {
         Self { child, keyboard: Some(keyboard), side: Some(side), output, closed, reader: Some(reader) }
     }
 
-    fn output(&self) -> String {
+    pub fn output(&self) -> String {
         self.output.lock().unwrap().clone()
     }
 
     /// Until the table is shown and at work.
     #[track_caller]
-    fn is_live(&self) {
+    pub fn is_live(&self) {
         wait_until("the screen is shown", || self.output().contains(HEAD) && self.output().contains("left"));
         wait_until("the run continues", || self.output().contains("link up"));
         assert!(self.is_raw(), "the screen needs single keys");
@@ -88,7 +88,7 @@ impl Terminal {
         !self.modes().2.contains(LocalModes::ICANON | LocalModes::ECHO)
     }
 
-    fn types(&mut self, keys: &[u8]) {
+    pub fn types(&mut self, keys: &[u8]) {
         self.keyboard.as_mut().expect("open").write_all(keys).expect("typed");
     }
 
