@@ -43,7 +43,7 @@ struct Source {
     /// Intervals between its last two commands, and between the two before.
     period: Duration,
     period_before: Duration,
-    /// Time of its last command, if that was standby.
+    /// Time of its last command, if that was standby, and no run was forgotten since.
     standby_at: Option<Instant>,
     /// It was received since the node started; otherwise it was restored.
     received: bool,
@@ -125,7 +125,9 @@ impl Sources {
         let timeout = self.timeouts.of(origin);
         let before = self.slot(origin).copied();
         let fresh = before.is_some_and(|source| now < source.silent_from);
-        let changed = !fresh || before.is_some_and(|source| source.intent != Intent::Standby);
+        // A run that was forgotten is standby in intent, but was not commanded to be.
+        let standby = |source: Source| source.intent == Intent::Standby && source.standby_at.is_some();
+        let changed = !fresh || !before.is_some_and(standby);
         // Two of its own periods, if that is longer. Use the shorter of its last two, because the other may be an outage.
         let period = |source: Source| source.period.min(source.period_before);
         let within = before.map_or(timeout, |source| timeout.max((period(source) * 2).min(TWO_STANDBYS_MAX)));
@@ -233,14 +235,13 @@ impl Sources {
         }
     }
 
-    /// Turns every intent to run into standby, because the run has ended.
+    /// Turns every intent to run into standby, because the run has ended. The next standby of such a source is still a change.
     #[inline(never)]
     pub fn forget_runs(&mut self) {
         for source in self.sources.iter_mut().flatten() {
-            source.intent = match source.intent {
-                Intent::Run(_) => Intent::Standby,
-                intent => intent,
-            };
+            if matches!(source.intent, Intent::Run(_)) {
+                (source.intent, source.standby_at) = (Intent::Standby, None);
+            }
         }
     }
 

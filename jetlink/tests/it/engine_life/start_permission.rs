@@ -187,24 +187,34 @@ fn a_permission_belongs_to_one_source() {
     }
 }
 
-/// The end of a life ends what its sources intended: standby is no change of a source that has not commanded run since.
+/// The end of a life, or a person's stop, ends what its sources intended, but not what they commanded: a source whose last word was run
+/// changes to standby with its next one.
 #[test]
-fn after_the_end_of_a_life_standby_of_its_source_is_not_a_change() {
-    for ecu in BOTH {
-        for runs_again in [false, true] {
+fn after_the_end_of_a_life_the_first_standby_of_its_source_is_a_change() {
+    let ends: [Step; 2] = [
+        |s| {
+            s.reports(Reports::Standby);
+        },
+        |s| {
+            s.command_from(Command::ShutDown, Origin::Bench).unwrap();
+            s.reports(Reports::Standby);
+        },
+    ];
+    for (ecu, ends) in BOTH.into_iter().flat_map(|ecu| ends.map(|ends| (ecu, ends))) {
+        for standby_before in [false, true] {
             let mut scenario = Scenario::started(ecu, percent(50));
-            scenario.reports(Reports::Standby);
+            ends(&mut scenario);
             assert_eq!(scenario.order(), Order::Standby, "{ecu:?}: the life is over, and RC is still fresh");
+            if standby_before {
+                scenario.command(Command::Standby).unwrap();
+            }
             let behind = Ok(Accepted::Behind(Origin::Rc));
             assert_eq!(scenario.command_from(Command::Standby, Origin::Mavlink), behind, "{ecu:?}");
-            if runs_again {
-                assert_eq!(scenario.command(run(50)), Err(Rejected::StandbyFirst));
-            }
             scenario.command(Command::Standby).unwrap();
             // RC is switched off.
             scenario.pass_us(SOURCE_TIMEOUT_US);
-            let expected = if runs_again { Err(Rejected::StandbyFirst) } else { Ok(Accepted::InForce) };
-            assert_eq!(scenario.command_from(run(0), Origin::Mavlink), expected, "{ecu:?} {runs_again}");
+            let expected = if standby_before { Ok(Accepted::InForce) } else { Err(Rejected::StandbyFirst) };
+            assert_eq!(scenario.command_from(run(0), Origin::Mavlink), expected, "{ecu:?} {standby_before}");
         }
     }
 }
