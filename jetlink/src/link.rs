@@ -74,7 +74,9 @@ pub enum Output {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Stage {
-    /// At rest: stopped, standby, cooling, a test of the ECU (ZK 0, 1, 12, 14 to 19; AMT 00000).
+    /// At rest after a run, or after a start that failed: cooling (ZK 12).
+    Cooling,
+    /// At rest: stopped, standby, a test of the ECU (ZK 0, 1, 14 to 19; AMT 00000).
     Rest,
     /// Cleared for a start (AMT 00001).
     Clearance,

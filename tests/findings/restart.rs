@@ -270,3 +270,66 @@ fn amt_engine_that_reports_idle_calibration_in_flight_continues_at_its_demand() 
         assert_eq!(lowest, Some(600), "{shows:?}");
     }
 }
+
+/// The supply dips for less than a gap each time the engine is lit: one start, one ignition, as soon as the ECU has reported the start
+/// once. The control: before that report nothing shows such a dip, and the start's time is the limit.
+#[test]
+fn a_supply_that_dips_at_each_ignition_gives_one_ignition() {
+    for (dip, after, is_seen) in
+        [(0.08, 0.3, true), (0.08, 2.0, true), (0.3, 0.02, true), (0.08, 0.02, false)]
+    {
+        let mut world = World::one(zk(5, |_, ecu| {
+            ecu.boot = 20 * MILLIS;
+            ecu.temper = ZkTemper { starts_hot: true, ..ZkTemper::DEFAULT };
+        }));
+        world.ready(Rc);
+        world.streams(Rc, run(0));
+        let from = world.now();
+        // For longer than a start may take.
+        while world.now() < from + 130 * SECOND {
+            let before = world.ignitions();
+            let lit = (0..500).any(|_| {
+                world.pass_s(0.01);
+                world.ignitions() > before
+            });
+            if !lit {
+                break;
+            }
+            world.pass_s(after);
+            world.dip_s(dip);
+        }
+        world.pass_s(10.0);
+        let ignitions = world.ignitions();
+        assert_eq!(ignitions == 1, is_seen, "{dip} s, {after} s after each of {ignitions} ignitions");
+        world.assert_not_sent_run(from + 125 * SECOND);
+    }
+}
+
+/// A start in damaged frames, in which the supply dips, so that the ECU cools its engine: cooling ends the start, also if nothing of it
+/// was received. Without the noise its reports do.
+#[test]
+fn a_start_that_ends_in_damaged_frames_gives_one_ignition() {
+    for noise in [false, true] {
+        let mut world = World::one(zk(5, |_, ecu| {
+            ecu.boot = 20 * MILLIS;
+            ecu.turbine = ecu.turbine.starting_in(1.6);
+        }));
+        world.ready(Rc);
+        world.streams(Rc, run(0));
+        world.pass_s(0.12);
+        if noise {
+            let damaged = Faults { framing_per_million: 1_000_000, ..Faults::default() };
+            world.plugs[0].set_faults(damaged, Faults::default());
+        }
+        let burns = (0..400).any(|_| {
+            world.pass_s(0.01);
+            world.ignitions() == 1 && world.egt() >= 115.0
+        });
+        assert!(burns, "{} ignitions, {} °C", world.ignitions(), world.egt());
+        world.dip_s(0.08);
+        world.pass_s(0.1);
+        world.plugs[0].set_faults(Faults::default(), Faults::default());
+        world.pass_s(115.0);
+        world.assert_ignitions(1);
+    }
+}

@@ -20,7 +20,7 @@ const AGREEING_BAND: u16 = 20;
 /// Progress of an engine in this life.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Progress {
-    /// A start was ordered, and the ECU has not reported starting: a report at rest is still expected.
+    /// A start was ordered, and the ECU has not reported starting: a report at rest is still expected, of cooling is not.
     Ordered,
     /// The ECU reported this stage of a start.
     Starting(Stage),
@@ -360,7 +360,8 @@ impl Life {
             (Progress::Reached, Stage::Running) => Fit::Doubtful,
             (_, Stage::Running) => Fit::Neither,
             (Progress::Ordered, Stage::Rest) => Fit::Fits,
-            (_, Stage::Rest) => Fit::Ends(End::AtRest),
+            // An engine that cools has burned: its start needed standby, which is not cooling.
+            (_, Stage::Rest | Stage::Cooling) => Fit::Ends(End::AtRest),
             (Progress::Ordered, Stage::Clearance) => Fit::Fits,
             (_, Stage::Clearance) if slow || exhaust == Burning::No => Fit::Ends(End::AtRest),
             // No running engine is reported as cleared for a start. The shaft coasts, and "run" would start it.
@@ -395,16 +396,24 @@ impl Life {
     }
 
     /// Takes a report that fits: two that agree advance the life. They also end the doubt that one odd report raised in a
-    /// start; after a gap only a running engine does.
+    /// start; after a gap only a running engine does. From the first report of starting on, rest no longer fits.
     fn advance(&mut self, observation: Observation) {
         let Observation::State { stage, .. } = observation else { return };
-        // A restart may be at any stage.
-        let stage = if stage == Stage::Restart { Stage::Ignition } else { stage };
         self.contradict(observation, Burning::NotKnown);
-        let agrees = self.candidate.replace(stage).is_some_and(|before| before > Stage::Clearance);
-        if agrees && stage > Stage::Clearance && !self.after_gap() {
+        // A restart may be at any stage, and alone is no report of the start.
+        let restarts = stage == Stage::Restart;
+        let stage = if restarts { Stage::Ignition } else { stage };
+        let starts = stage > Stage::Clearance;
+        let agrees =
+            self.candidate.replace(stage).is_some_and(|before| (before > Stage::Clearance) == starts);
+        if agrees && !self.after_gap() {
             self.doubt = None;
+        }
+        if starts && agrees && !self.after_gap() {
             self.progress = Progress::Starting(stage);
+        } else if starts && !restarts && self.progress == Progress::Ordered {
+            // One report may be odd, and of a later stage than the engine's.
+            self.progress = Progress::Starting(Stage::Ignition);
         }
     }
 
@@ -620,17 +629,15 @@ impl Finding {
                 let turning = turning == Some(true);
                 let alive = match stage {
                     Stage::Running => turning,
-                    Stage::Rest | Stage::Clearance | Stage::Ignition | Stage::FuelRamp | Stage::Restart => {
-                        false
-                    }
+                    stage if stage <= Stage::FuelRamp => false,
+                    Stage::Restart => false,
                     // The engine flew: its ECU starts it again by itself, on an order that was given up.
                     Stage::Starting if self.given_up => false,
                     _ => answers && turning && !self.after_faults,
                 };
                 let ends = match stage {
-                    Stage::Rest | Stage::Ignition | Stage::FuelRamp | Stage::Restart => true,
                     Stage::Clearance | Stage::Starting => !turning,
-                    _ => false,
+                    stage => stage <= Stage::FuelRamp || stage == Stage::Restart,
                 };
                 let same = match (self.throttle, throttle) {
                     (Some(a), Some(b)) => a.tenths().abs_diff(b.tenths()) <= AGREEING_BAND,

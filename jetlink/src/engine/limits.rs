@@ -299,8 +299,8 @@ impl LimitMonitor {
         if self.history.is_full() {
             self.history.pop_front();
         }
-        // Among error sets no shaft speed comes: an old one must not count as lost later.
-        let since = self.history.back().map(|last| last.at);
+        // Among error sets no shaft speed comes, nor in a gap or in damaged frames: an old one must not count as lost later.
+        let since = self.history.back().map(|last| last.at).max(now.checked_sub(SAMPLE));
         let rpm = self.rpm_filtered.filter(|_| self.rpm_seen > since);
         let sample = Sample { at: now, rpm, egt: self.egt_filtered };
         let _ = self.history.push_back(sample);

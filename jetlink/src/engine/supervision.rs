@@ -75,6 +75,8 @@ impl Engine {
                 i32::try_from(until.saturating_duration_since(began).as_millis()).unwrap_or(i32::MAX)
             };
             let violation = LimitViolation { kind: LimitKind::StartTimeout, value: ms(now), limit: ms(by) };
+            // A restart by the ECU that does not succeed is the end of an engine that ran.
+            self.failed |= matches!(&self.mode, Mode::Run(run) if run.life.reached());
             self.sources.forget_runs();
             self.standby(now, Origin::Node);
             self.event(Event::Limit(violation));

@@ -2,11 +2,13 @@
 
 use jetlink::command::{Command, Order, Origin};
 use jetlink::limit::{Limit, LimitKind};
+use jetlink::line::LineError;
 
 use crate::engine_limits::{burns, running};
+use crate::support::frames::amt as amt_frames;
 use crate::support::frames::zk as zk_frames;
 use crate::support::scenario::{
-    BOTH, COMMAND_PERIOD_US, Ecu, FRAME_PERIOD_US, Reports, SECOND, Scenario, ZK_IDLE, rpm, run,
+    BOTH, COMMAND_PERIOD_US, Ecu, FRAME_PERIOD_US, Reports, SECOND, Scenario, ZK_IDLE, percent, rpm, run,
 };
 
 /// Lets the shaft run down from 20 000 rpm to 12 000 within 1.5 s, while the source commands `demand` of it.
@@ -186,4 +188,54 @@ fn amt_a_fall_among_error_sets_is_not_a_flame_out() {
     assert_eq!(fall(2, 20), []);
     // Between two sets with a shaft speed, it is a flame-out.
     assert_eq!(fall(0, 50), [LimitKind::FlameOut]);
+}
+
+/// A commanded fall of the shaft, nothing or damaged sets for 2.9 s in it, and then a set without a shaft speed: the speed of before is
+/// not one of now, of which the shaft has lost a third when the time for a fall is over.
+#[test]
+fn amt_a_speed_of_before_a_gap_is_no_speed_of_after_it() {
+    let normal = |speed: u32, half: u8| {
+        let mut set = amt_frames::normal(
+            amt_frames::FULL_OPERATION,
+            amt_frames::RUN,
+            u8::try_from(speed / 500).unwrap_or(0),
+        );
+        (set[3], set[4]) = (150, half);
+        set.to_vec()
+    };
+    for (in_gap, first_has_speed) in [(false, false), (false, true), (true, false), (true, true)] {
+        for phase in 0..2_u32 {
+            let mut scenario = Scenario::started(Ecu::Amt, percent(100));
+            let next = |scenario: &mut Scenario, demand: u8, set: &[u8], damaged: bool| {
+                for _ in 0..2 {
+                    let _ = scenario.command(run(demand));
+                    scenario.silent().pass_us(62_500);
+                }
+                if damaged {
+                    scenario.bench.machine.line_error(LineError::Framing);
+                }
+                scenario.bench.receive(set);
+            };
+            for i in 0..60 {
+                next(&mut scenario, 100, &normal((12_000 + i * 2_500).min(100_000), 200), false);
+            }
+            scenario.limits();
+            // Idle is commanded: 20 000 rpm/s.
+            let fall = 19 + phase;
+            for i in 1..=fall {
+                next(&mut scenario, 0, &normal(100_000 - i * 2_500, 0), false);
+            }
+            for _ in 0..23 {
+                let set = if in_gap { Vec::new() } else { normal(50_000, 0) };
+                next(&mut scenario, 0, &set, !in_gap);
+            }
+            let first =
+                if first_has_speed { normal(36_000, 0) } else { amt_frames::alternate(0x18).to_vec() };
+            next(&mut scenario, 0, &first, false);
+            for _ in 0..24 {
+                next(&mut scenario, 0, &normal(36_000, 0), false);
+            }
+            assert_eq!(scenario.limits(), [], "gap {in_gap}, speed {first_has_speed}, {phase}");
+        }
+    }
 }

@@ -190,9 +190,9 @@ pub(super) fn reported(switch: SwitchStatus) -> ReportedSwitch {
 /// Stage of the engine.
 const fn stage_of(state: State) -> Stage {
     match state {
+        State::Cooling => Stage::Cooling,
         State::Stop
         | State::Standby
-        | State::Cooling
         | State::TestGlowPlug
         | State::TestMainValve
         | State::TestIgnitionValve

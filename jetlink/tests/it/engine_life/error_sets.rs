@@ -346,25 +346,6 @@ fn an_engine_in_doubt_blocks_no_other_start() {
     }
 }
 
-/// One odd report of a start moves it on no more than one odd report ends it: the reports at rest around it still fit.
-#[test]
-fn one_odd_report_of_starting_does_not_advance_a_start() {
-    for ecu in BOTH {
-        let mut scenario = Scenario::ready(ecu, ecu.config());
-        scenario.command(run(0)).unwrap();
-        scenario.reports(Reports::Standby);
-        let values = scenario.values;
-        for _ in 0..3 {
-            scenario.odd(Reports::Starting, values);
-            scenario.fly_us(run(0), Origin::Rc, 4 * FRAME_PERIOD_US);
-        }
-        assert_eq!((scenario.order(), ends(&mut scenario)), (Order::Run(percent(0)), vec![]), "{ecu:?}");
-        // Two that agree do, and rest ends it then.
-        scenario.reports(Reports::Starting).reports(Reports::Standby);
-        assert_eq!((scenario.order(), ends(&mut scenario)), (Order::Standby, vec![End::AtRest]), "{ecu:?}");
-    }
-}
-
 /// Every end has its own text.
 #[test]
 fn each_end_of_a_run_has_its_name() {

@@ -163,3 +163,81 @@ fn amt_start_clearance_with_a_cold_exhaust_ends_a_life() {
         assert_eq!(ends(&mut scenario), if ended { vec![End::AtRest] } else { vec![] });
     }
 }
+
+/// Reports after a start was ordered, each with its state; what becomes of the order. The first report of starting ends the time in which
+/// rest fits; cooling never fits, because the start needed standby. Two reports have to agree, and the reply to the first is no run (ZK).
+#[test]
+fn after_the_first_report_of_starting_rest_ends_a_start_and_cooling_always_does() {
+    const COOLS: u8 = 12;
+    let over = Some(End::AtRest);
+    for (states, expected) in [
+        (&[1, 1, 1, 1][..], None),
+        (&[2, 1, 1], over),
+        (&[1, 2, 1, 1], over),
+        (&[2, 1, 2, 2], None),
+        // A later stage than that of the engine is odd, and no earlier stage follows it.
+        (&[5, 2, 2, 5, 5], None),
+        (&[2, 2, 5, 5, 1, 1], over),
+        (&[COOLS, COOLS], over),
+        (&[1, 1, COOLS, COOLS], over),
+        (&[COOLS, 1, 1], None),
+        (&[1, COOLS, 1, COOLS, 1, 1], None),
+    ] {
+        let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
+        scenario.command(run(0)).unwrap();
+        for state in states {
+            let _ = scenario.command(run(0));
+            receive(&mut scenario, &zk_frames::state(*state));
+        }
+        assert_eq!(ends(&mut scenario).first().copied(), expected, "{states:?}");
+        assert_eq!(
+            scenario.order() == Order::Standby,
+            expected.is_some(),
+            "{states:?}: {:?}",
+            scenario.order()
+        );
+        // An odd report has changed nothing: the start is not in doubt.
+        if expected.is_none() {
+            assert_eq!(scenario.order(), Order::Run(percent(0)), "{states:?}");
+        }
+    }
+    let mut scenario = Scenario::ready(Ecu::Amt, Ecu::Amt.config());
+    scenario.command(run(0)).unwrap();
+    scenario.reports(Reports::Standby);
+    let values = scenario.values;
+    assert_eq!((scenario.order(), ends(&mut scenario)), (Order::Run(percent(0)), vec![]), "AMT");
+    scenario.odd(Reports::Starting, values);
+    scenario.fly_us(run(0), Origin::Rc, 4 * FRAME_PERIOD_US);
+    assert_eq!((scenario.order(), ends(&mut scenario)), (Order::Standby, vec![End::AtRest]), "AMT");
+}
+
+/// An ECU that fails to restart its engine (ZK 13) in the time of a start: the engine has failed. One that succeeds has not, and a start
+/// that takes too long is no failure of an engine that ran.
+#[test]
+fn zk_an_engine_whose_ecu_cannot_restart_it_has_failed() {
+    let minutes = |scenario: &mut Scenario, state: u8, demand: u8| {
+        for _ in 0..3 * 60 * 20 {
+            let _ = scenario.command(run(demand));
+            receive(scenario, &zk_frames::status(1, 3_000, [state, 2 << 5, 76]));
+        }
+    };
+    let mut scenario = flying(Ecu::Zk);
+    minutes(&mut scenario, 13, 50);
+    assert_eq!((scenario.order(), scenario.bench.machine.failed()), (Order::Standby, true), "it cannot");
+    let mut scenario = flying(Ecu::Zk);
+    for _ in 0..100 {
+        let _ = scenario.command(run(50));
+        receive(&mut scenario, &zk_frames::status(1, 3_000, [13, 2 << 5, 76]));
+    }
+    scenario.reports(Reports::Running);
+    scenario.fly_us(run(50), Origin::Rc, 200 * SECOND);
+    assert_eq!(
+        (scenario.order(), scenario.bench.machine.failed()),
+        (Order::Run(percent(50)), false),
+        "it can"
+    );
+    let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
+    scenario.command(run(0)).unwrap();
+    minutes(&mut scenario, 2, 0);
+    assert_eq!((scenario.order(), scenario.bench.machine.failed()), (Order::Standby, false), "a start");
+}

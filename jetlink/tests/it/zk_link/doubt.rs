@@ -147,7 +147,8 @@ fn each_status_gives_the_observation_of_its_state() {
             for state in 0..=31 {
                 bench.receive(&zk::status(1, rpm, [state, 2 << 5, 76]));
                 let stage = match state {
-                    0 | 1 | 12 | 14..=19 => Stage::Rest,
+                    12 => Stage::Cooling,
+                    0 | 1 | 14..=19 => Stage::Rest,
                     2..=4 => Stage::Ignition,
                     5 => Stage::FuelRamp,
                     6..=11 => Stage::Running,
