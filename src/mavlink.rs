@@ -307,7 +307,8 @@ pub async fn serve(mavlink: Mavlink, port: EcuPort) {
     let fingerprint = fingerprint(&DEFAULTS);
     let time = runner.keep_time(|_now, service| {
         let set = Some((service.counters().parameters_set, service.settings().identity.learnt));
-        if !service.is_damaged() && retained != set {
+        // Only what is settled: a change that waits for the store may yet be refused.
+        if !service.is_damaged() && service.is_saved() && retained != set {
             retained = set;
             if !SETTINGS.store(fingerprint, service.changes(&DEFAULTS)) {
                 defmt::info!("settings: RAM has no space to retain all changes over a reset");

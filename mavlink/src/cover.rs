@@ -134,9 +134,9 @@ impl Cover {
         due
     }
 
-    /// There is another key: nothing is stored for it, and what waits was signed with the old one.
+    /// There is another key: nothing is stored for it, and what waits was signed with the old one. A save in progress still has a result.
     pub fn forget(&mut self) {
-        (self.stored, self.wanted, self.saving) = (Stamp::ZERO, None, None);
+        (self.stored, self.wanted, self.saving) = (Stamp::ZERO, None, self.saving.map(|_| Stamp::ZERO));
         self.waiting.clear();
     }
 

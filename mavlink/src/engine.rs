@@ -194,9 +194,7 @@ impl<'a> Engine<'a> {
     /// Result of the start that somebody waits for; `None`: it has not ended.
     pub fn start_ended(&self) -> Option<Ack> {
         match (self.switch, self.telemetry().state) {
-            (Switch::Stopped, _) if self.stopped_at >= self.last_starts.iter().map(|last| last.at).max() => {
-                Some(Ack::Cancelled)
-            }
+            (Switch::Stopped, _) if self.stopped_at >= Some(self.starting_until) => Some(Ack::Cancelled),
             (Switch::Stopped, _) => Some(Ack::Failed),
             (_, EngineState::Running) => Some(Ack::Accepted),
             _ => None,
@@ -322,6 +320,10 @@ impl<'a> Engine<'a> {
                 ack => Err((ack, Some(Refusal::Repeated))),
             };
         }
+        // It may be a copy of a start from before the stop, of which another one has taken the place here.
+        if self.last_starts.iter().any(|last| self.stopped_at >= Some(last.at) && now < last.at + REPEAT) {
+            return refused(Refusal::Stopped);
+        }
         let answer = self.try_start(situation, from, while_disarmed);
         let ack = match answer {
             Ok(()) => Ack::Accepted,
@@ -407,6 +409,7 @@ impl<'a> Engine<'a> {
                 self.switch = switch;
                 self.ordered_by = Some(from.system);
                 self.refresh_at = situation.now + REFRESH;
+                self.starting_until = situation.now;
                 self.disarmed = false;
                 self.armed |= armed;
                 self.armed_for_start = armed_here;
@@ -482,8 +485,10 @@ impl<'a> Engine<'a> {
         let telemetry = self.telemetry();
         self.follow(situation, &telemetry);
         self.arm(situation, &telemetry);
-        if self.is_at_run() {
-            if !self.start_is_over(&telemetry) {
+        // Not against a higher source that flies the engine, and not one that was found and is left alone.
+        let is_ours = telemetry.active_source.priority() <= Origin::Mavlink.priority();
+        if is_ours && self.switch == Switch::Run {
+            if telemetry.start_by.is_some() {
                 self.starting_until = situation.now;
             }
             let disarmed = situation.vehicle.disarmed_for(situation.now, self.starting_until);
@@ -580,7 +585,8 @@ impl<'a> Engine<'a> {
         telemetry.start_by.is_none() && self.switch != Switch::Waiting
     }
 
-    /// Passes the vehicle's arming on.
+    /// Passes the vehicle's arming on. Not inlined: the image is smaller.
+    #[inline(never)]
     fn arm(&mut self, situation: Situation<'_>, telemetry: &Telemetry) {
         let vehicle = situation.vehicle;
         if self.armed_for_start && self.start_is_over(telemetry) {
@@ -606,12 +612,7 @@ impl<'a> Engine<'a> {
                 }
                 critical_section::with(|_| self.disarm_beside_others());
             }
-            Arming::Unknown => {
-                // Without a vehicle, it is enough that a person releases the stop.
-                if !telemetry.stop_latched {
-                    self.must_disarm = None;
-                }
-            }
+            Arming::Unknown => {}
         }
     }
 

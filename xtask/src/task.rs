@@ -223,7 +223,7 @@ fn flags() -> String {
         "-Clink-arg=--sort-section=alignment".to_owned(),
         // At "s" a function of up to 50 of LLVM's units is inlined wherever it is called, at "z" one of 5: docs/size.md has what others gave. A load
         // is looked for in the 50 instructions before, in place of 6.
-        "-Cllvm-args=-inline-threshold=20 -available-load-scan-limit=50 -enable-gvn-memdep=false -split-spill-mode=size".to_owned(),
+        "-Cllvm-args=-inline-threshold=20 -available-load-scan-limit=50 -enable-gvn-memdep=false -split-spill-mode=size -tail-merge-size=2".to_owned(),
     ];
     // Literal strings of TOML: the name of a folder may have a backslash.
     format!("target.{}.rustflags = [{}]", pin::target(), flags.map(|flag| format!("'{flag}'")).join(", "))

@@ -161,7 +161,7 @@ fn every_image_is_built_with_the_pin_whatever_the_caller_has_set() {
         "--config target.{TARGET}.rustflags = ['--remap-path-scope=macro', '--remap-path-prefix={registry}=', \
          '--remap-path-prefix={registry}/index.crates.io-1949cf8c6b5b557f=', \
          '--remap-path-prefix=jetlink/src=jetlink', '--remap-path-prefix=mavlink/src=mavlink', \
-         '--cfg=sha2_backend_soft=\"compact\"', '-Clink-arg=--icf=all', '-Clink-arg=--sort-section=alignment', '-Cllvm-args=-inline-threshold=20 -available-load-scan-limit=50 -enable-gvn-memdep=false -split-spill-mode=size']"
+         '--cfg=sha2_backend_soft=\"compact\"', '-Clink-arg=--icf=all', '-Clink-arg=--sort-section=alignment', '-Cllvm-args=-inline-threshold=20 -available-load-scan-limit=50 -enable-gvn-memdep=false -split-spill-mode=size -tail-merge-size=2']"
     );
     let emu = concat!(env!("CARGO_MANIFEST_DIR"), "/../emulation/Cargo.toml --bin emu --");
     for (arguments, expected) in [

@@ -55,7 +55,7 @@ impl<const N: usize, const P: usize, A: Attached> Service<'_, N, P, A> {
             Err(why) => refuse(why),
         };
         #[cfg(feature = "signing")]
-        if kind == Kind::Stops && answer.is_ok() {
+        if kind == Kind::Stops && answer.is_ok_and(|ack| ack != Ack::Unsupported) {
             self.take_back(place);
         }
         self.answer(own, now, port, from, place, command, answer);

@@ -488,3 +488,71 @@ fn one_save_covers_ten_seconds() {
     let due = |cover: &mut Cover, after: Duration| cover.is_due(Instant::from_secs(0) + after, false, true);
     assert!(due(&mut cover, MINUTE) && !due(&mut cover, 10 * MINUTE) && due(&mut cover, 11 * MINUTE));
 }
+
+/// A stop that a component does not know takes back nothing that waits for its stamp.
+#[test]
+fn a_stop_to_a_component_that_has_no_engine_takes_nothing_back() {
+    for stops in [None, Some(NODE), Some(ENGINE[0])] {
+        run_stored(SigningState::new(key(7), before_all()), async |world| {
+            world.ready().await;
+            let at = world.frames.borrow().len();
+            world.say(TO_GROUND, GROUND, &set(500.0));
+            if let Some(target_component) = stops {
+                world.say(TO_GROUND, GROUND, &COMMAND_LONG_DATA { target_component, ..stop(0) });
+            }
+            for _ in 0..10 {
+                world.pass_s(0.02).await;
+                while world.service.borrow_mut().next_save().is_some() {
+                    world.service.borrow_mut().saved(Instant::now(), Ok(()));
+                }
+            }
+            let (echo, texts) = world.answers(at);
+            let expected = if stops == Some(ENGINE[0]) { 1000.0 } else { 500.0 };
+            assert_eq!(echo, Some(expected), "stop to {stops:?}: {texts}");
+        });
+    }
+}
+
+/// The key is replaced while the stamp of the old one is being saved, which fails: a setting that waits is not what has failed.
+#[test]
+fn a_failed_save_of_a_replaced_key_is_not_the_result_of_a_setting() {
+    for replaced in [false, true] {
+        run_signed(known(), SigningState::new(key(7), before_all()), PortConfig::usb(), async |world| {
+            world.service.borrow_mut().set_parameter_storage(ParameterStorage::Stored);
+            world.ready().await;
+            assert_eq!(world.service.borrow_mut().next_save().map(|(key, _)| key), Some(0x80));
+            world.say(TO_GROUND, GROUND, &set(500.0));
+            if replaced {
+                world.key_is_everywhere.set(false);
+                world.say(TO_GROUND, GROUND, &setup([9; 32]));
+            }
+            world.service.borrow_mut().saved(Instant::now(), Err(NotSaved::Failed));
+            let hold = world.service.borrow().engine_settings().next().unwrap().0.parameter("LOSS_HOLD");
+            assert_eq!(hold, Some(500), "replaced: {replaced}");
+        });
+    }
+}
+
+/// What RAM retains is settled: while a setting waits for the store, which may refuse it, nothing new is retained.
+#[test]
+fn a_setting_that_waits_for_the_store_is_not_settled() {
+    run_signed(known(), SigningState::NONE, PortConfig::usb(), async |world| {
+        world.service.borrow_mut().set_parameter_storage(ParameterStorage::Stored);
+        world.ready().await;
+        assert!(world.service.borrow().is_saved());
+        world.say(
+            TO_GROUND,
+            GROUND,
+            &PARAM_SET_DATA { param_id: "MAV_EFI_EVERY".into(), target_component: NODE, ..set(500.0) },
+        );
+        world.say(TO_GROUND, GROUND, &set(500.0));
+        let mut service = world.service.borrow_mut();
+        for (record, result) in [(0, Ok(())), (1, Err(NotSaved::Full))] {
+            assert!(!service.is_saved());
+            assert_eq!(service.next_save().map(|(key, _)| key), Some(record));
+            service.saved(Instant::now(), result);
+        }
+        assert!(service.is_saved());
+        assert_eq!(service.engine_settings().next().unwrap().0.parameter("LOSS_HOLD"), Some(1000));
+    });
+}

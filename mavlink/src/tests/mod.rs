@@ -1,7 +1,9 @@
 //! The service with whole engines, in virtual time: the runners of the library and simulated ECUs.
 #![allow(clippy::disallowed_methods, reason = "a scenario keeps its own time")]
 
+mod arming;
 mod attached;
+
 mod commands;
 #[cfg(feature = "signing")]
 mod covering;

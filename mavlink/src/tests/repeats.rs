@@ -4,6 +4,7 @@ use super::world::*;
 use crate::dialect::*;
 use crate::frame::Address;
 use crate::ids::*;
+use crate::settings::NodeSettings;
 use jetlink::command::{Command, Order, Origin};
 use jetlink::engine::state::EngineState;
 
@@ -240,6 +241,61 @@ fn a_heartbeat_that_its_link_delivers_twice_does_not_arm() {
             world.pass_s(0.2).await;
             let (answer, texts) = world.control(1, &[1.0]).await;
             assert_eq!(answer, expected, "after {after} s: {texts}");
+        });
+    }
+}
+
+/// A start, another one that replaces it in what is remembered, a stop, and a copy of the first start: it starts nothing, as without the
+/// other one. A new start does, 5 s after what was forgotten.
+#[test]
+fn a_copy_of_a_start_that_is_no_longer_remembered_starts_nothing_after_a_stop() {
+    // The same sender's, with param4; or those of other senders.
+    for (with_bit, others) in [(false, 0), (true, 0), (false, 3), (false, 4)] {
+        run(async |world| {
+            world.ready().await;
+            assert_eq!(world.control(1, &[1.0]).await.0, ACCEPTED);
+            if with_bit {
+                assert_eq!(world.control(1, &[1.0, 0.0, 0.0, 1.0]).await.0, NOT_NOW);
+            }
+            for other in 0..others {
+                let from = Address { system: 255, component: 191 + other };
+                let to = (SYSTEM, ENGINE[1]);
+                let _ = world.command_from(TO_GROUND, from, to, CMD_DO_ENGINE_CONTROL, 0, &[1.0]).await;
+            }
+            assert_eq!(world.control(1, &[0.0]).await.0, ACCEPTED);
+            world.until("standby", 4, || world.telemetry(1).state == EngineState::Standby).await;
+            let (answer, text) = world.control(1, &[1.0]).await;
+            assert_eq!(answer, NOT_NOW, "{with_bit}, {others} others: {text}");
+            assert_eq!(world.telemetry(1).ordered.order, Order::Standby);
+            world.pass_s(6.0).await;
+            let (answer, text) = world.control(1, &[1.0]).await;
+            assert_eq!(answer, ACCEPTED, "{with_bit}, {others} others: {text}");
+        });
+    }
+}
+
+/// With `MAV_IN_PROGRESS` whoever waits for the end of a start gets "cancelled" after a stop, also if somebody else's start is refused then.
+#[test]
+fn the_final_answer_after_a_stop_is_cancelled_whoever_else_tries_to_start() {
+    const CANCELLED: u8 = 6;
+    for other in [false, true] {
+        run_with(NodeSettings { progress: true, ..NodeSettings::DEFAULT }, async |world| {
+            world.ready().await;
+            assert_eq!(world.control(1, &[1.0]).await.0, Some(5));
+            world.pass_s(1.0).await;
+            let at = world.frames.borrow().len();
+            world.say(TO_GROUND, GROUND, &stop_command(1));
+            if other {
+                let start = COMMAND_LONG_DATA { param1: 1.0, ..stop_command(1) };
+                world.pass_s(0.001).await;
+                world.say(TO_GROUND, Address { system: 255, component: 191 }, &start);
+            }
+            world.pass_s(0.5).await;
+            let is_cancelled = world.frames.borrow().iter().skip(at).any(|(_, port, frame)| {
+                let MavMessage::COMMAND_ACK(ack) = frame.message() else { return false };
+                (*port, ack.target_component, ack.result) == (1, GROUND.component, CANCELLED)
+            });
+            assert!(is_cancelled, "another start: {other}");
         });
     }
 }
