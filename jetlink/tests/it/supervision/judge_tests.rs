@@ -330,11 +330,11 @@ fn a_lost_demand_is_at_the_fail_safe_a_frame_after_its_ramp() {
 /// The node begins again after [`RESET`].
 const BEGINS: u64 = RESET + 50 * MS;
 
-/// RC arms the engine, which runs from 4 s on, and is reset with this demand of RC retained, which was lost. `step` is what else happens at each
-/// instant until `until`; it gets whether the engine has been ordered to run.
+/// RC arms the engine, which runs from 4 s on, and is reset with this demand of RC retained, and whether it was lost. `step` is what else happens at
+/// each instant until `until`; it gets whether the engine has been ordered to run.
 fn over_a_reset(
     judge: &mut Oracle,
-    retained: Demand,
+    (retained, was_lost): (Demand, bool),
     until: u64,
     mut step: impl FnMut(&mut Oracle, u64, bool) -> Result<(), String>,
 ) -> Result<(), String> {
@@ -343,7 +343,7 @@ fn over_a_reset(
         let (starts, truth) = started_at_3_s(at);
         judge.input(at, Input::Truth(truth))?;
         if at == BEGINS {
-            let retained = Retained::Whole(Some((Origin::Rc, retained, true)));
+            let retained = Retained::Whole(Some((Origin::Rc, retained, was_lost)));
             judge.input(at, Input::Boot { retained, down: BEGINS - RESET })?;
         }
         step(judge, at, starts)?;
@@ -379,7 +379,7 @@ fn idles(judge: &mut Oracle, at: u64) -> Result<(), String> {
 /// a frame with 1 % that is sent `after` the node has begun; the lower source commands 0 %.
 fn received_before_and_after_a_reset(from: u64, after: u64) -> Result<(), String> {
     let mut judge = judge_of_a_source_that_recovers();
-    over_a_reset(&mut judge, percent(0), BEGINS + after, |judge, at, starts| {
+    over_a_reset(&mut judge, (percent(0), true), BEGINS + after, |judge, at, starts| {
         let order = if starts { Command::Run(percent(0)) } else { Command::Standby };
         let received = at < 10 * SECOND || (from..18_970 * MS + SECOND).contains(&at) || at > BEGINS;
         if received && at % (50 * MS) == 10 * MS {
@@ -410,7 +410,7 @@ fn a_source_that_was_lost_counts_as_received_up_to_the_reset() {
 /// 0.95 s after the reset: the first one, or after ones with 0 %.
 fn raised_after_a_reset(commanded: impl Fn(u64) -> u8, is_first: bool) -> Result<(), String> {
     let mut judge = judge_of_a_source_that_recovers();
-    over_a_reset(&mut judge, percent(0), BEGINS + 950 * MS, |judge, at, starts| {
+    over_a_reset(&mut judge, (percent(0), true), BEGINS + 950 * MS, |judge, at, starts| {
         let silent = (10 * SECOND..RESET - 1500 * MS).contains(&at) || (RESET..BEGINS).contains(&at);
         if !silent && at % (50 * MS) == 10 * MS {
             let demanded = percent(at.checked_sub(BEGINS).map_or(0, |after| commanded(after / MS)));
@@ -442,6 +442,56 @@ fn the_demand_of_a_source_that_was_received_before_a_reset_may_have_been_reached
     not_reached(raised_after_a_reset(raised_at(300), true));
 }
 
+/// A source that was present without a command before a reset may be back in control with its first command, and have its demand at once where that
+/// is near the one before: then it no longer rises at its set rate (374000009).
+#[test]
+fn the_demand_of_a_source_that_was_present_before_a_reset_may_have_been_reached() {
+    for (first, reached) in [(28, true), (30, true), (80, false)] {
+        let config = Ecu::Amt.with(|s| {
+            s.timeouts.rc = Duration::from_secs(3);
+            s.recover_after = Duration::from_secs(2);
+            s.return_within = Duration::from_secs(3);
+            s.loss.hold = Duration::from_secs(4);
+        });
+        let mut judge = Oracle::new(config, false, 36_000, 100_000);
+        let verdict =
+            over_a_reset(&mut judge, (percent(30), false), BEGINS + 500 * MS, |judge, at, starts| {
+                let demand = match at {
+                    BEGINS.. if at < BEGINS + 400 * MS => first,
+                    BEGINS.. => 60,
+                    _ if at > 10 * SECOND => 30,
+                    _ => 0,
+                };
+                let command = match at {
+                    _ if !starts => Command::Standby,
+                    _ if (18 * SECOND..BEGINS).contains(&at) => Command::Present,
+                    _ => Command::Run(percent(demand)),
+                };
+                let is_silent = (RESET..BEGINS + 200 * MS).contains(&at);
+                if !is_silent && at % (50 * MS) == 10 * MS {
+                    judge.input(at, by_rc(command))?;
+                }
+                let sent = match at {
+                    _ if at < 10 * SECOND => 0,
+                    _ if at < BEGINS => (at - 10 * SECOND) / (2 * MS),
+                    _ if at < BEGINS + 240 * MS => 300,
+                    _ => u64::from(first) * 10,
+                };
+                let risen = u16::try_from(sent.min(if at < BEGINS { 300 } else { 320 }) / 5 * 5).unwrap();
+                if !(RESET..BEGINS).contains(&at) && at.is_multiple_of(120 * MS) {
+                    let switch = if at > 3 * SECOND + 10 * MS { Switch::Run } else { Switch::Standby };
+                    judge.frame(at, Frame::Full(switch, risen))?;
+                }
+                Ok(())
+            });
+        assert_eq!(verdict, Ok(()), "{first} %");
+        let verdict = judge.frame(BEGINS + 500 * MS, Frame::Full(Switch::Run, 600)).map(|_| ());
+        let is_exempt = verdict.is_ok();
+        assert!(is_exempt || verdict.as_ref().is_err_and(|why| why.starts_with("(9)")), "{verdict:?}");
+        assert_eq!(is_exempt, reached, "{first} %: {verdict:?}");
+    }
+}
+
 /// An rpm whose source is silent from 19 s on, so that it falls from 140 000 rpm by 16 000 rpm/s from 19.5 s on, and a reset at 20 s. The verdict on
 /// 125 000 rpm that are sent `after` the node has begun. A transmitter that hangs does so from 19.4 s until 1 s after the reset.
 fn lost_rpm_after_a_reset(hangs: bool, after: u64) -> Result<(), String> {
@@ -454,7 +504,7 @@ fn lost_rpm_after_a_reset(hangs: bool, after: u64) -> Result<(), String> {
     let rpm = |rpm| Demand::Rpm(Rpm::new(rpm));
     let code = |rpm: u32| Frame::RpmCode(u16::try_from(rpm / 40).unwrap());
     let mut judge = Oracle::new(config, true, 50_000, 160_000);
-    over_a_reset(&mut judge, rpm(132_000), BEGINS + after, |judge, at, starts| {
+    over_a_reset(&mut judge, (rpm(132_000), true), BEGINS + after, |judge, at, starts| {
         if hangs && at == 19_400 * MS {
             judge.input(at, Input::HungUntil(60 * SECOND))?;
         }

@@ -279,6 +279,8 @@ impl Oracle {
                 self.uncertain_rpm = self.uncertain_rpm.max(rpm.get());
             }
             self.wanted_until = self.wanted_until.max(at + self.age(origin));
+            // It may be back in control at once, and have its demand.
+            self.may_have_risen(at, demand);
         }
         if !self.wire_run || self.over.is_some() {
             let against = self.against_start(at, origin, demand);
