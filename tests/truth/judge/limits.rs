@@ -152,8 +152,18 @@ impl Case<'_> {
         }
         self.verdict.count("limits that hold a demand low", 1);
         self.verdict.count("seconds for which a limit holds a demand low", (until - at) / SECOND);
-        let high = |demanded| is_above_fail_safe(h, demanded);
-        let frame = h.frames_within(at, until).iter().find(|frame| frame.sent.demand().is_some_and(high));
+        let high = |frame: &&Frame| {
+            // Until the ECU reports a running engine, the start throttle is sent, whatever is demanded.
+            let starts = |tenths| {
+                let known = frame.at.saturating_sub(self.two_states());
+                tenths <= h.rules.start_throttle && !h.samples(passed, known).iter().any(Sample::runs)
+            };
+            frame.sent.demand().is_some_and(|demanded| {
+                is_above_fail_safe(h, demanded)
+                    && !matches!(demanded, Demanded::Throttle(tenths) if starts(tenths))
+            })
+        };
+        let frame = h.frames_within(at, until).iter().find(high);
         if let Some(frame) = frame {
             self.verdict.finding(Rule::Limit, frame.at, format!("{text}, and {} is on the wire", frame.sent));
         }

@@ -231,10 +231,10 @@ impl Case<'_> {
         self.h.first_run(requested, at).map_or(at, |frame| frame.at)
     }
 
-    /// When the ECU has reported a start in progress: two states after it began; damaged frames until `at` report nothing.
+    /// When the ECU has reported a start in progress: a state after it began; damaged frames until `at` report nothing.
     fn reported_by(&self, start: u64, at: u64) -> u64 {
         let begun = self.live.last_before(at).map_or(start, |(lit, _)| lit.max(start));
-        begun + self.two_states() + self.h.noise.within(begun, at)
+        begun + self.one_state() + self.h.noise.within(begun, at)
     }
 
     /// The longest time without a command of a source, from one of its commands on.

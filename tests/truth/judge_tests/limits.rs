@@ -152,3 +152,31 @@ fn each_limit_of_how_values_change_has_an_action_of_its_own() {
     assert!(!story([None, stops]) && !story([lowers, stops]));
     assert!(story([None, lowers]) && story([None, None]));
 }
+
+/// A limit that is exceeded in a start lowers the demand, but until the ECU reports a running engine the start throttle is on the wire, and no
+/// more; afterwards the limit holds it (1000228).
+#[test]
+fn a_limit_that_is_exceeded_in_a_start_leaves_the_start_throttle() {
+    let story = |runs: f64, tenths: u32| {
+        let starts = move |h: &mut History| {
+            h.rules.start_throttle = 200;
+            h.rules.limit_hot = Some(false);
+            for sample in h.samples.iter_mut().filter(|sample| sample.at >= 40 * SECOND) {
+                sample.lit = sample.at >= 42 * SECOND;
+                let in_start = sample.at.saturating_sub(42 * SECOND).min(2 * SECOND);
+                sample.egt = 50.0 + 300.0 * in_start as f64 / SECOND as f64;
+            }
+        };
+        flight(AMT, 40.0)
+            .streams(PILOT, 40.0, 70.0, PilotCommand::Run(Demanded::Throttle(0)))
+            .wire(40.0, 70.0, Sent::Full(Switch::Run, tenths))
+            .turbine(40.0, 42.0, Phase::Running, 30_000.0, 450.0)
+            .turbine(42.0, runs, Phase::FuelRamp, 20_000.0, 450.0)
+            .turbine(runs, 70.0, Phase::Running, 36_000.0, 450.0)
+            .with(starts)
+            .finds(Rule::Limit)
+    };
+    assert!(!story(70.0, 200), "the start throttle in a start");
+    assert!(story(70.0, 250), "more than that");
+    assert!(story(50.0, 200), "after it");
+}
