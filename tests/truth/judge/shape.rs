@@ -164,8 +164,18 @@ impl Case<'_> {
         let mut ends = BTreeSet::new();
         for frame in &h.frames {
             let Some(switch) = frame.sent.switch() else { continue };
-            let before = last.replace(switch);
-            if switch == Switch::Run && matches!(before, Some(Switch::Standby | Switch::Stop)) {
+            let before = last.replace((switch, frame.at));
+            let stopped = before.is_some_and(|(before, at)| match before {
+                Switch::Standby | Switch::Stop => true,
+                // A source may take its start back and start again in one slot.
+                Switch::Run => h.commanded(at, frame.at).windows(2).any(|pair| {
+                    pair[0].source == pair[1].source
+                        && pair[0].command == PilotCommand::Standby
+                        && matches!(pair[1].command, PilotCommand::Run(_))
+                }),
+                Switch::Pwm => false,
+            });
+            if switch == Switch::Run && stopped {
                 began = Some(frame.at);
             }
             let Some(from) = began.filter(|_| switch == Switch::Run) else {

@@ -343,6 +343,20 @@ impl Case<'_> {
                 self.verdict.exempt("a relight by the ECU while the wire to it is cut", at - out);
                 continue;
             }
+            // Nor has a node that was reset sent anything: to one report that does not show a running engine it replies nothing.
+            let last = received.map_or(0, |frame| frame.at);
+            let reset = h.resets.iter().any(|reset| (last..at).contains(&reset.down));
+            // As far as its ECU reports.
+            let ran = h.sample(last).is_some_and(|sample| sample.phase == Phase::Running);
+            let unsent = frames.last().is_some_and(|frame| frame.at <= last);
+            let acts = at < last + h.rules.gives_up_after;
+            if self.traits().replies_only && reset && ran && unsent && acts {
+                self.verdict.exempt(
+                    "AMT, a relight by the ECU that a reset of the node leaves without a reply",
+                    at - last,
+                );
+                continue;
+            }
             // Noise hid that the flame had gone out, or that a start had failed: it acts on the last run that it was sent.
             let hidden = out.filter(|out| {
                 let noise = h.noise.within(*out, at).min(10 * SECOND);
@@ -594,7 +608,7 @@ impl Case<'_> {
             // A cold exhaust that a lower demand explained until the thermocouple broke proves nothing after that, and a fall does.
             let over = h.sensor.last_before(at).map(|(_, over)| over);
             return match over.filter(|_| broke.is_some_and(|broke| broke <= lowered + LOWERED)) {
-                Some(over) => self.fallen(over, at).unwrap_or(at),
+                Some(over) => self.fallen(over, at).map_or(at, |fallen| fallen.max(lowered + LOWERED)),
                 None => cold.max(lowered + LOWERED),
             };
         }

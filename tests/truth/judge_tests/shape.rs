@@ -218,6 +218,22 @@ fn a_start_of_an_amt_engine_ends_after_its_time() {
     story(10).breaks_beside(&[Rule::Ignition], &[Rule::RunAtRest]);
 }
 
+/// A source that takes its start back and starts again in one slot has another one, with a time of its own (897001242). One word alone is none.
+#[test]
+fn a_start_that_is_renewed_in_one_slot_has_its_time_anew() {
+    let story = |words: &'static [(f64, PilotCommand)]| {
+        let story = started(AMT)
+            .turbine(RUNS as f64, 32.0, Phase::Running, 36_000.0, 500.0)
+            .with(|h| h.rules.start_timeout = 20 * SECOND);
+        let story = words.iter().fold(story, |story, (at, command)| story.once(PILOT, *at, *command));
+        story.finds(Rule::RunAtRest)
+    };
+    const RENEWED: [(f64, PilotCommand); 2] =
+        [(13.03, PilotCommand::Standby), (13.04, PilotCommand::Run(Demanded::Throttle(0)))];
+    assert!(story(&[]) && story(&RENEWED[1..]));
+    assert!(!story(&RENEWED));
+}
+
 /// The slew applies to the commanded rpm; a governor's throttle has a rate of its own.
 #[test]
 fn a_governors_throttle_has_no_slew() {

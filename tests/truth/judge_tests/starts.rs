@@ -171,6 +171,37 @@ fn what_does_not_reach_an_ecu_does_not_ignite() {
     assert_eq!([found(true), found(false)], [0, 1]);
 }
 
+/// An AMT ECU acts on the last command of before the node was reset, while its engine was still reported as running: a node that sends nothing
+/// since has not lit it (897000536).
+#[test]
+fn what_was_sent_before_a_reset_does_not_ignite() {
+    let story = |reset: bool, sent: Option<Sent>| {
+        let story = started(AMT)
+            .turbine(RUNS as f64, 40.0, Phase::Running, 60_000.0, 480.0)
+            .streams(PILOT, 31.0, 40.0, PilotCommand::Run(Demanded::Throttle(0)))
+            .wire(31.0, 40.0, IDLE)
+            .turbine(40.0, 40.7, Phase::Cooling, 30_000.0, 400.0)
+            .turbine(40.7, 43.0, Phase::Ignition, 8000.0, 390.0)
+            .mark(40.7, Mark::Ignition)
+            .with(move |h| {
+                let reset =
+                    reset.then_some(Reset { down: 40_000 * MS, up: 40_040 * MS, cause: Cause::BrownOut });
+                h.resets.extend(reset);
+                h.rules.burning = 400.0;
+                for sample in h.samples.iter_mut().filter(|sample| sample.at >= 33 * SECOND) {
+                    // The flame went out, its exhaust is cold, and its ECU reports that later.
+                    sample.lit = false;
+                    sample.egt = 550.0 - 30.0 * (sample.at - 33 * SECOND) as f64 / SECOND as f64;
+                    sample.fault = (40 * SECOND..40_600 * MS).contains(&sample.at);
+                }
+            });
+        let story = sent.into_iter().fold(story, |story, sent| story.wire(40.3, 40.4, sent));
+        story.finds(Rule::Ignition)
+    };
+    let found = [story(true, None), story(true, Some(IDLE)), story(false, None)];
+    assert_eq!(found, [false, true, true]);
+}
+
 /// An ECU that is powered up with run on its PWM input lights its engine, which goes out with the first
 /// frame.
 #[test]
@@ -402,6 +433,25 @@ fn an_exhaust_that_falls_ends_the_run_of_an_engine_with_error_sets() {
     };
     assert!(explained(50.0, false, 5.0) && !explained(50.0, true, 5.0));
     assert!(!explained(49.0, true, 20.0) && explained(56.0, true, 20.0));
+    // A demand that is still being lowered explains it for as long, also the fall (897002120).
+    let lowered = |until: f64, broken: bool| {
+        let cold = move |h: &mut History| {
+            for sample in h.samples.iter_mut().filter(|sample| sample.at >= 40 * SECOND) {
+                sample.egt = 340.0 - 20.0 * (sample.at - 40 * SECOND) as f64 / SECOND as f64;
+            }
+            h.sensor = if broken { Spans::from(&[(40_500 * MS, 41 * SECOND)]) } else { Spans::default() };
+        };
+        let story = flight(AMT, 40.0)
+            .turbine(40.0, 70.0, Phase::Cooling, 5000.0, 0.0)
+            .streams(PILOT, 40.0, 70.0, PilotCommand::Run(Demanded::Throttle(0)))
+            .ramp(40.0, 500, 200)
+            .wire(43.1, until, Sent::Full(Switch::Run, 0))
+            .wire(until, 70.0, STANDBY)
+            .with(|h| h.samples.iter_mut().filter(|s| s.at >= 40 * SECOND).for_each(|s| s.fault = true))
+            .with(cold);
+        story.finds(Rule::RunAtRest)
+    };
+    assert!(!lowered(48.4, true) && lowered(60.0, true) && lowered(60.0, false));
 }
 
 #[test]
