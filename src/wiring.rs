@@ -3,7 +3,7 @@
 use crate::board::engines::{POWER, RETAINED, WIRING};
 use crate::board::{PORTS, TWO_STOP_BITS};
 use jetlink::config::EngineConfig;
-use jetlink::engine::retained::{Reset, RetainedState};
+use jetlink::engine::retained::{Reset, RetainedMemory, RetainedState};
 use jetlink::wiring::{Ports, Wiring, WiringError, check};
 use jetlink_fw::config::{ENGINES, RADIO};
 use jetlink_rc::outputs::Before;
@@ -94,10 +94,7 @@ fn config(engine: usize, all: &All) -> Option<EngineConfig> {
 /// What was in force before the reset, where an engine was not at rest then: it stays, whatever is stored, as the other end of the wire is
 /// still the same.
 pub fn in_flight() -> Option<All> {
-    let flies = |wiring: &Wiring| {
-        let memory = RETAINED.0.get(usize::from(wiring.port))?;
-        // Whichever engine's record it is: what matters is whether the engine is at rest.
-        memory.load(0, Reset::PowerLost).map(|record| !record.is_at_rest())
-    };
-    retained().filter(|all| all.iter().any(|wiring| flies(wiring) == Some(true)))
+    let flies =
+        |wiring: &Wiring| RETAINED.0.get(usize::from(wiring.port)).is_some_and(RetainedMemory::was_in_flight);
+    retained().filter(|all| all.iter().any(flies))
 }

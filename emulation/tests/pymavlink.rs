@@ -3,14 +3,17 @@
 //! ECU sent; `board_signing.py` flies an image with signing, whose key is in its F-RAM.
 #![cfg(unix)]
 
+#[path = "../../host/tests/support/port.rs"]
+mod port;
 #[path = "../../host/tests/support/process.rs"]
 mod process;
 #[path = "../../host/tests/support/python.rs"]
 mod python;
 
 use emulation::{Fram, Image, PIXRACER, Run};
+use port::free_port;
 use process::Running;
-use python::{check, check_pilot, free_port, interpreter, script};
+use python::{check, check_pilot, interpreter, script};
 use rigless::chip::uart::TcpPeer;
 use sim::ecu::SECOND;
 use std::io::{BufRead, BufReader};

@@ -6,14 +6,17 @@
 
 #[path = "support/frame.rs"]
 mod frame;
+#[path = "support/port.rs"]
+mod port;
 #[path = "support/process.rs"]
 mod process;
 #[path = "support/python.rs"]
 mod python;
 
 use frame::frame;
+use port::free_port;
 use process::Running;
-use python::{check, check_pilot, free_port, interpreter, python, script};
+use python::{check, check_pilot, interpreter, python, script};
 use std::io::{BufRead, BufReader, Write};
 use std::net::{SocketAddr, UdpSocket};
 use std::path::Path;

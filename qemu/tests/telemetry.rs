@@ -2,10 +2,13 @@
 //! in real time.
 #![cfg(unix)]
 
+#[path = "../../host/tests/support/port.rs"]
+mod port;
 #[path = "../../host/tests/support/python.rs"]
 mod python;
 
-use python::{check_pilot, free_port, interpreter, script};
+use port::free_port;
+use python::{check_pilot, interpreter, script};
 use std::io::{BufRead, BufReader};
 use std::os::unix::process::CommandExt;
 use std::path::Path;

@@ -106,10 +106,7 @@ impl<'a> Node<'a> {
             Cause::BrownOut | Cause::PowerLost => retained::Reset::PowerLost,
         };
         // From what was retained, before anything else.
-        let flies = |memory: &RetainedMemory| {
-            memory.load(0, retained::Reset::PowerLost).is_some_and(|record| !record.is_at_rest())
-        };
-        self.in_flight.set(self.memory.iter().any(flies));
+        self.in_flight.set(self.memory.iter().any(RetainedMemory::was_in_flight));
         let last = self.outputs.take();
         let is_retained = self.cause.get() != Cause::PowerLost;
         let outputs = self.memory.iter().zip(self.output_settings.get()).enumerate();

@@ -6,6 +6,8 @@ mod ending;
 #[path = "../support/frame.rs"]
 mod frame;
 mod mavlink;
+#[path = "../support/port.rs"]
+mod port;
 #[path = "../support/process.rs"]
 mod process;
 #[path = "../support/signals.rs"]

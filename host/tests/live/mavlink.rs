@@ -1,10 +1,11 @@
 //! `jetlink rig --mavlink` over a reset of its node, which on a terminal is a key.
 
 use super::frame::frame;
+use super::port::free_port;
 use super::terminal::Terminal;
 use super::wait_until;
 use std::io::{ErrorKind, Read, Write};
-use std::net::{TcpListener, TcpStream};
+use std::net::TcpStream;
 use std::time::Duration;
 
 /// The engine's component, and states in the lowest byte of its `custom_mode`.
@@ -72,8 +73,7 @@ impl Station {
 
 /// A rig whose node has id 1, and 9 from its next start on; with an engine that runs, or not. After a reset by key it has this id.
 fn id_after_a_reset(runs: bool) -> u8 {
-    let port =
-        TcpListener::bind("127.0.0.1:0").and_then(|socket| socket.local_addr()).expect("a port").port();
+    let port = free_port();
     let address = format!("tcpin:127.0.0.1:{port}");
     let arguments = ["--engine", "name=left", "--mavlink", &address];
     let mut terminal = Terminal::start(&arguments);

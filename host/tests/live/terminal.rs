@@ -67,7 +67,7 @@ impl Terminal {
         Self { child, keyboard: Some(keyboard), side: Some(side), output, closed, reader: Some(reader) }
     }
 
-    pub fn output(&self) -> String {
+    fn output(&self) -> String {
         self.output.lock().unwrap().clone()
     }
 

@@ -46,12 +46,6 @@ pub fn check(output: &Output, end: &str) {
     println!("{text}");
 }
 
-/// A port that is not in use.
-pub fn free_port() -> u16 {
-    let port = std::net::TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr());
-    port.expect("a port").port()
-}
-
 /// Makes the virtual environment, or finds the whole one of an earlier run. One that was cut short is made again.
 fn environment() -> Result<PathBuf, String> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(PYMAVLINK.replace("==", "-"));

@@ -404,12 +404,12 @@ impl Life {
         let restarts = stage == Stage::Restart;
         let stage = if restarts { Stage::Ignition } else { stage };
         let starts = stage > Stage::Clearance;
-        let agrees =
-            self.candidate.replace(stage).is_some_and(|before| (before > Stage::Clearance) == starts);
-        if agrees && !self.after_gap() {
+        let before = self.candidate.replace(stage);
+        let agrees = !self.after_gap() && before.is_some_and(|before| (before > Stage::Clearance) == starts);
+        if agrees {
             self.doubt = None;
         }
-        if starts && agrees && !self.after_gap() {
+        if starts && agrees {
             self.progress = Progress::Starting(stage);
         } else if starts && !restarts && self.progress == Progress::Ordered {
             // One report may be odd, and of a later stage than the engine's.

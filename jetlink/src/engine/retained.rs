@@ -241,6 +241,11 @@ impl RetainedMemory {
         Some(if whole { record } else { record.without_start() })
     }
 
+    /// Whether an engine was not at rest, whichever engine's record it is.
+    pub fn was_in_flight(&self) -> bool {
+        self.load(0, Reset::PowerLost).is_some_and(|record| !record.is_at_rest())
+    }
+
     /// Stores a record of the engine with this fingerprint. After a reset, call [`RetainedMemory::repair`] before the first time.
     pub fn store(&self, record: &RetainedState, fingerprint: u32) {
         self.store_packed(record.packed(), fingerprint);

@@ -3,7 +3,6 @@
 
 mod arming;
 mod attached;
-
 mod commands;
 #[cfg(feature = "signing")]
 mod covering;

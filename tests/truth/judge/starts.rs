@@ -335,8 +335,8 @@ impl Case<'_> {
             }
             // Nothing sent since the flame went out has reached the ECU: it acts on an earlier command.
             let out = self.live.iter().map(|(_, to)| to).take_while(|to| *to <= at).last();
+            let last = received.map_or(0, |frame| frame.at);
             let deaf = out.filter(|out| {
-                let last = received.map_or(0, |frame| frame.at);
                 last <= *out && self.live.contains(last) && h.deaf.within(last + h.rules.period, at) > 0
             });
             if let Some(out) = deaf {
@@ -344,7 +344,6 @@ impl Case<'_> {
                 continue;
             }
             // Nor has a node that was reset sent anything: to one report that does not show a running engine it replies nothing.
-            let last = received.map_or(0, |frame| frame.at);
             let reset = h.resets.iter().any(|reset| (last..at).contains(&reset.down));
             // As far as its ECU reports.
             let ran = h.sample(last).is_some_and(|sample| sample.phase == Phase::Running);
