@@ -12,7 +12,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// The most that anything here may take on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -275,18 +275,17 @@ fn the_csv_file_can_be_followed_and_a_kill_loses_a_second() {
             .spawn()
             .expect("it runs"),
     );
-    // The rows of four engines in this time would fit the program's buffer of 8 KiB twice.
-    let rows = || fs::read_to_string(&csv).unwrap_or_default().lines().count();
-    let began = Instant::now();
-    wait::wait_until("the first rows", PATIENCE, || rows() > 1);
-    assert!(began.elapsed() < Duration::from_secs(30));
-    let first = rows();
-    let since = Instant::now();
-    wait::wait_until("more rows", PATIENCE, || rows() > first);
+    // Whole buffers of 8 KiB would come every 2.5 s. A busy computer may show several steps as one, but not always.
+    let size = || fs::metadata(&csv).map_or(0, |file| file.len());
+    let mut seen = 0;
+    wait::wait_until("a step that is smaller than a buffer", PATIENCE, || {
+        assert!(child.0.try_wait().expect("a child").is_none(), "it has ended");
+        let (before, now) = (seen, size());
+        seen = now;
+        before > 0 && now > before && now - before < 8000
+    });
     child.0.kill().expect("SIGKILL");
     child.0.wait().expect("it ends");
-    // In steps of about a second, and not of the buffer: 8 KiB of rows take 2.5 s.
-    assert!(rows() - first <= 60, "{} rows in {:?}", rows() - first, since.elapsed());
     assert_eq!(
         fs::read_to_string(&plot).unwrap(),
         "the plot before",
