@@ -82,6 +82,7 @@ impl fmt::Display for Fault {
             Self::Error(code) => write!(f, "the ECU reports fault {code}"),
             Self::Sensor(EgtSensor::Open) => f.write_str("thermocouple open"),
             Self::Sensor(EgtSensor::Short) => f.write_str("thermocouple shorted"),
+            Self::Sensor(EgtSensor::Cold) => f.write_str("the thermocouple's wires touch at its plug"),
             Self::Sensor(EgtSensor::Good) => f.write_str("thermocouple good"),
             Self::OneWrongFrame => f.write_str("one forged frame"),
             Self::OddFrame(odd) => write!(f, "one forged frame: {odd:?}"),

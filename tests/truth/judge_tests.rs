@@ -1,6 +1,8 @@
 //! The judge can fail: for each rule, a hand-made history that breaks only this rule, and one that keeps it.
 
+mod evidence;
 mod flight;
+mod hand_over;
 mod limits;
 mod mavlink;
 mod power;

@@ -46,7 +46,7 @@ impl Setup {
     /// hour has many starts.
     pub fn drilled(mut self, rng: &mut Rng, count: usize) -> Self {
         let all = &mut self.config.supervision;
-        all.start.egt_max = Celsius::from_tenths(rng.pick(&[1000, 2000, 2000]));
+        all.start.egt_max = Celsius::from_tenths(rng.pick(&[700, 1000, 2000, 2000, 2000]));
         all.start.timeout = ms(rng.pick(&[120_000, 120_000, 120_000, 120_000, 6000]));
         all.loss.hold = ms(rng.pick(&[1000, 1000, 300, 8000]));
         all.loss.ramp = rng.pick(&[500, 500, 100, 2000]);

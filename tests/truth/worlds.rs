@@ -92,6 +92,10 @@ fn is_drilled(seed: u64) -> bool {
 fn drilled<const N: usize>(seed: u64, rng: &mut Rng, seconds: u64) -> World {
     clock::reset();
     let mut setups = settings::setups(rng, N);
+    if N > 1 && rng.percent(8) {
+        // Longer than a start waits.
+        setups.iter_mut().for_each(|setup| setup.config.supervision.start.gap = Duration::from_secs(200));
+    }
     let contexts = setups.drain(..).map(|setup| {
         let setup = setup.drilled(rng, N);
         EngineContext::drilled(rng, setup, N > 1)

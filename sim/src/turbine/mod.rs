@@ -114,6 +114,8 @@ pub enum EgtSensor {
     Open,
     /// Its wires are shorted: it reads the bottom of its range.
     Short,
+    /// Its wires touch at the plug: it reads the temperature there.
+    Cold,
 }
 
 /// A turbine, its fuel pump, its starter, and the part of an ECU that controls the start.
@@ -289,6 +291,7 @@ impl Turbine {
             EgtSensor::Good => self.egt,
             EgtSensor::Open => 9999.0,
             EgtSensor::Short => -9999.0,
+            EgtSensor::Cold => AMBIENT,
         }
     }
 

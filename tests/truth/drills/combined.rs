@@ -9,8 +9,15 @@ use sim::turbine::EgtSensor;
 
 impl Director {
     pub(super) fn combined(&self, rng: &mut Rng) -> (&'static str, Vec<Step>) {
+        if self.traits().faults_hide_state && rng.percent(35) {
+            return ("error sets, and the exhaust", self.exhaust(rng));
+        }
+        if rng.percent(25) {
+            return self.forgetful(rng);
+        }
         match (rng.below(24), self.traits().replies_only) {
-            (0..3, true) => ("the ECU or the flame goes out in a gap", self.out_in_a_gap(rng)),
+            (0..3, true) | (14, false) => ("the ECU or the flame goes out in a gap", self.out_in_a_gap(rng)),
+            (16, true) => ("a slow shaft behind a gap", self.slow_behind_a_gap(rng)),
             (3..5, true) => ("CTF and a reset", self.ctf_and_a_reset(rng)),
             (5..7, true) => ("an order that is given up", self.given_up(rng)),
             (0..4, false) => ("a stop right after a power-on", self.stop_after_a_power_on(rng)),
@@ -163,6 +170,17 @@ impl Director {
             [Step::Reset(cause, 30 * MS), Step::Wait(rng.spread(300 * MS, 2 * SECOND))]
         });
         let resets: Vec<Step> = resets.collect();
+        if rng.percent(30) {
+            let reset = Step::Reset(Cause::Watchdog, 20 * MS);
+            return vec![
+                silent(self.main),
+                Step::Wait(rng.spread(100 * MS, SECOND)),
+                reset,
+                Step::Wait(rng.between(600, 1500) * MS),
+                fault(Fault::CutToNode, cut),
+                Step::Wait(cut + all + last + 4 * SECOND),
+            ];
+        }
         let begins = vec![
             silent(self.main),
             Step::Wait(rng.spread(100 * MS, 3 * SECOND)),
@@ -189,6 +207,19 @@ impl Director {
             Step::Wait(rng.between(100, 700) * MS),
             stream(self.main, self.flies()),
         ];
+        if self.main < 2 && rng.percent(40) {
+            // The lowest one takes the engine over that is found, before the one that flies is received.
+            return vec![
+                stream(3, self.flies()),
+                stream(2, PilotCommand::Standby),
+                Step::Wait(2 * SECOND),
+                silent(self.main),
+                Step::Reset(rng.pick(&[Cause::BrownOut, Cause::PowerOn]), 20 * MS),
+                Step::Wait(rng.between(1000, 2500) * MS),
+                stream(self.main, self.flies()),
+                Step::Wait(4 * SECOND),
+            ];
+        }
         let both = if self.traits().serial_delay && rng.percent(50) { gap } else { reset };
         let begins = vec![stream(lower, PilotCommand::Standby), Step::Wait(2 * SECOND)];
         [begins, both, vec![Step::Wait(4 * SECOND)]].concat()

@@ -13,9 +13,18 @@ impl Director {
         let traits = self.traits();
         if self.in_a_group && rng.percent(40) {
             // The effect shows at the other engines.
+            if rng.percent(20) {
+                // Nor can its ECU light it again.
+                let dark = [fault(Fault::NoLight(true), MS), fault(Fault::FlameOut, MS)];
+                let ends = [Step::Wait(rng.between(10, 25) * SECOND), fault(Fault::NoLight(false), MS)];
+                return ("an engine goes out for good", [dark, ends].concat());
+            }
             let length = rng.between(4, 14) * SECOND;
             let wire = rng.pick(&[Fault::FlameOut, Fault::FlameOut, Fault::CutToNode]);
             return ("an engine fails", vec![fault(wire, length), Step::Wait(length + 4 * SECOND)]);
+        }
+        if self.rules.limit_flame.is_some() && rng.percent(20) {
+            return ("a gap while the shaft slows down", self.gap_in_a_fall(rng));
         }
         if self.in_a_group && rng.percent(15) {
             return ("the share is changed", self.shares(rng));
@@ -48,6 +57,12 @@ impl Director {
             68..74 => ("the stick", self.sticks(rng)),
             74..82 => ("a stop", self.stop(rng)),
             82..85 if traits.ctf => ("CTF", self.ctf(rng)),
+            82 if traits.rounds => {
+                // Nor can its ECU light it again, if it does that.
+                let dark = vec![fault(Fault::NoLight(true), MS), fault(Fault::FlameOut, MS)];
+                let ends = vec![Step::Wait(rng.between(8, 20) * SECOND), fault(Fault::NoLight(false), MS)];
+                ("the flame goes out for good", [dark, ends].concat())
+            }
             82..88 => ("odd frames", self.odd_frames(rng)),
             88..92 => ("the transmitter hangs", self.stall(rng)),
             92..95 => ("present", self.present(rng)),
@@ -370,7 +385,11 @@ impl Director {
         vec![
             stream(self.main, PilotCommand::Standby),
             Step::Until(Condition::Out, 4 * SECOND),
-            Step::Wait(rng.spread(SECOND, 10 * SECOND)),
+            match rng.percent(50) {
+                true => Step::Wait(rng.spread(SECOND, 10 * SECOND)),
+                // It may still be too hot.
+                false => Step::Until(Condition::Stands, 100 * SECOND),
+            },
             next,
             Step::Wait(3 * SECOND),
             stream(self.main, PilotCommand::Standby),
@@ -408,6 +427,19 @@ impl Director {
             silent(self.main),
             Step::Reset(rng.pick(&[Cause::Watchdog, Cause::BrownOut]), 30 * MS),
             Step::Wait(length),
+        ]
+    }
+
+    /// The shaft slows down, because the stick was lowered, where nothing is received.
+    fn gap_in_a_fall(&self, rng: &mut Rng) -> Vec<Step> {
+        let length = self.outlived(rng.between(2500, 3800) * MS);
+        vec![
+            stream(self.main, throttle(1000)),
+            Step::Wait(8 * SECOND),
+            stream(self.main, throttle(0)),
+            Step::Wait(rng.between(1500, 2800) * MS),
+            fault(rng.pick(&[Fault::CutToNode, Fault::Damage(true, false)]), length),
+            Step::Wait(length + 6 * SECOND),
         ]
     }
 }

@@ -5,9 +5,12 @@ use crate::acts::Act;
 use crate::faults::Fault;
 use crate::history::{Cause, Demanded, MS, PilotCommand, SECOND};
 use crate::pilots::Rng;
+use sim::turbine::EgtSensor;
 
 /// Engines of a node that start together do so at multiples of this time.
 const TOGETHER: u64 = 40 * SECOND;
+/// For how long a start waits at most.
+const LONGEST_WAIT: u64 = 180 * SECOND;
 
 impl Director {
     /// Drills with a ready engine, before its start.
@@ -15,10 +18,13 @@ impl Director {
         let sends_by_itself = self.rules.kind.sends_unprompted();
         match (rng.below(18), self.traits().services) {
             (10..13, true) if sends_by_itself => ("the pump, and nothing beside it", self.pump_alone(rng)),
-            (10..14, true) if self.rules.supply_counts => ("a start with a low supply", self.low_supply(rng)),
+            (10..14, true) if self.rules.supply_counts || self.rules.limit_supply.is_some() => {
+                ("a start with a low supply", self.low_supply(rng))
+            }
             (10..18, _) => ("a start after a loss of power", self.start_after_a_loss_of_power(rng)),
             (0..4, true) => ("the pump", self.pump(rng)),
             (4, true) => ("services", self.services(rng)),
+            (5, true) if rng.percent(50) => ("PWM without a permission", self.pwm_without(rng)),
             (5, true) => ("PWM", self.pwm(rng)),
             (6, true) => ("another ECU", self.another_ecu(rng)),
             (0..4, false) => ("a start that is refused", self.refused(rng)),
@@ -73,7 +79,7 @@ impl Director {
     fn pump_alone(&self, rng: &mut Rng) -> Vec<Step> {
         let begins = [silent(self.main), once(self.main, OPEN_PUMP), Step::Wait(rng.between(100, 250) * MS)];
         let mut steps = begins.to_vec();
-        steps.extend(match rng.below(10) {
+        steps.extend(match rng.below(11) {
             0 => vec![once(rng.below(4) as usize, PilotCommand::Stop)],
             1 => vec![once(rng.below(4) as usize, PilotCommand::Disarm)],
             2 => vec![Step::Wait(self.rules.ages[self.main] + self.rules.hold + 4 * SECOND)],
@@ -84,8 +90,14 @@ impl Director {
             5 => vec![stream(self.main, PilotCommand::Nothing), Step::Wait(self.rules.hold + 4 * SECOND)],
             6 => vec![stream(self.main, IDLE), Step::Wait(3 * SECOND)],
             7 => vec![
-                fault(Fault::CutToEcu, rng.spread(60 * MS, 900 * MS)),
+                fault(rng.pick(&[Fault::CutToEcu, Fault::Stall]), rng.spread(60 * MS, 900 * MS)),
                 once(self.main, PilotCommand::Disarm),
+            ],
+            // Nothing is received of it, before and after.
+            8 => vec![
+                fault(Fault::CutToNode, 8 * SECOND),
+                Step::Reset(rng.pick(&[Cause::Watchdog, Cause::BrownOut]), 50 * MS),
+                Step::Wait(8 * SECOND),
             ],
             // Repeatedly, for longer than it may be held open.
             _ => vec![stream(self.main, OPEN_PUMP), Step::Wait(self.rules.pump_bound + 5 * SECOND)],
@@ -149,7 +161,11 @@ impl Director {
             Step::Wait(rng.spread(300 * MS, 14 * SECOND)),
         ];
         steps.extend(match rng.below(4) {
-            0 => vec![Step::Reset(Cause::Watchdog, 30 * MS)],
+            0 => vec![
+                Step::Until(Condition::Ends, 20 * SECOND),
+                Step::Wait(rng.spread(10 * MS, 2 * SECOND)),
+                Step::Reset(Cause::Watchdog, 30 * MS),
+            ],
             1 => vec![fault(Fault::PowerOff, rng.spread(300 * MS, 3 * SECOND))],
             2 => vec![once(rng.below(4) as usize, PilotCommand::Stop), Step::Wait(SECOND)],
             _ => Vec::new(),
@@ -160,6 +176,47 @@ impl Director {
             Step::Wait(3 * SECOND),
         ]);
         [steps, vec![once(0, PilotCommand::Release)], self.again()].concat()
+    }
+
+    /// The standby of the source was used, or was taken back, or was used by a hand-over that is over.
+    fn pwm_without(&self, rng: &mut Rng) -> Vec<Step> {
+        let other = rng.below(4) as usize;
+        let standby = once(self.main, PilotCommand::Standby);
+        let hand_over = once(self.main, PilotCommand::Pwm);
+        let (disarm, arm) = (once(self.main, PilotCommand::Disarm), once(self.main, PilotCommand::Arm));
+        let soon = Step::Wait(rng.between(20, 150) * MS);
+        let mut steps = vec![beside(Fault::PwmSignal(true), rng.between(5, 15) * SECOND), silent(self.main)];
+        steps.extend(match rng.below(6) {
+            // A refused hand-over uses it.
+            0 => vec![disarm, soon, standby, hand_over, soon, arm, stream(self.main, IDLE)],
+            1 => vec![disarm, soon, standby, hand_over, soon, arm, soon, hand_over],
+            // So does a refused run.
+            2 => vec![standby, soon, once(self.main, throttle(300)), soon, hand_over],
+            3 => vec![standby, disarm, arm, soon, hand_over],
+            4 => vec![
+                once(other, IDLE),
+                Step::Wait(50 * MS),
+                standby,
+                once(other, PilotCommand::Standby),
+                soon,
+                hand_over,
+            ],
+            // It ends by a gap before its engine turns.
+            _ => vec![
+                standby,
+                hand_over,
+                Step::Wait(rng.between(60, 200) * MS),
+                fault(Fault::CutToNode, (6 * self.rules.period).max(200 * MS)),
+                Step::Wait((7 * self.rules.period).max(250 * MS)),
+                if rng.percent(50) { hand_over } else { once(self.main, IDLE) },
+            ],
+        });
+        steps.extend([
+            Step::Wait(4 * SECOND),
+            stream(self.main, PilotCommand::Standby),
+            Step::Wait(3 * SECOND),
+        ]);
+        [steps, self.again()].concat()
     }
 
     fn refused(&self, rng: &mut Rng) -> Vec<Step> {
@@ -238,14 +295,27 @@ impl Director {
     fn start_together(&self, rng: &mut Rng, runs: Vec<Step>) -> Vec<Step> {
         let begin =
             vec![Step::Next(TOGETHER), stream(self.main, IDLE), Step::Wait(rng.spread(100 * MS, 6 * SECOND))];
+        if self.rules.start_gap > LONGEST_WAIT {
+            return [begin, vec![Step::Wait(self.rules.start_gap + 10 * SECOND)], runs].concat();
+        }
         let other = rng.below(4) as usize;
-        let steps = match rng.below(9) {
+        let steps = match rng.below(13) {
             0 => vec![once(other, PilotCommand::Disarm)],
             1 => vec![beside(Fault::Error(rng.between(1, 18) as u8), rng.between(8, 20) * SECOND)],
             2 => vec![stream(self.main, throttle(rng.pick(&[50, 400])))],
             3 => vec![silent(self.main), Step::Wait(rng.between(2, 12) * SECOND)],
             4 => vec![once(other, IDLE), once(other, PilotCommand::Standby)],
             5 => vec![fault(Fault::CutToNode, rng.spread(200 * MS, 3 * SECOND))],
+            6 => vec![beside(
+                Fault::Sensor(rng.pick(&[EgtSensor::Open, EgtSensor::Short])),
+                rng.between(8, 20) * SECOND,
+            )],
+            7 => vec![fault(Fault::Damage(true, false), rng.between(4000, 9500) * MS)],
+            8 | 9 => self.higher(rng).map_or(Vec::new(), |higher| {
+                // Long enough to be in control.
+                let lasts = self.rules.recover_after + self.rules.takeover + SECOND;
+                vec![stream(higher, IDLE), Step::Wait(lasts), silent(higher)]
+            }),
             _ => Vec::new(),
         };
         [begin, steps, vec![Step::Wait(12 * SECOND)], runs].concat()
@@ -263,6 +333,10 @@ impl Director {
         let other = rng.below(4) as usize;
         if self.in_a_group && rng.percent(40) {
             return ("two engines start together", self.start_together(rng, runs));
+        }
+        if rng.percent(15) {
+            let (name, steps) = self.unlucky_start(rng);
+            return (name, [steps, runs].concat());
         }
         let (name, steps) = match rng.below(20) {
             0 => ("disarm in a start", vec![once(other, PilotCommand::Disarm), Step::Wait(3 * SECOND)]),
@@ -300,5 +374,74 @@ impl Director {
             _ => ("a start", Vec::new()),
         };
         (name, [begin, steps, runs].concat())
+    }
+
+    /// The node learns too late, or not at all, what becomes of a start.
+    fn unlucky_start(&self, rng: &mut Rng) -> (&'static str, Vec<Step>) {
+        let begin = stream(self.main, IDLE);
+        match rng.below(4) {
+            0 => {
+                let short = rng.between(20, 120) * MS;
+                let dips = (0..4).flat_map(|_| {
+                    [
+                        Step::Until(Condition::Starts, 6 * SECOND),
+                        Step::Wait(rng.spread(20 * MS, 700 * MS)),
+                        fault(Fault::PowerOff, short),
+                        Step::Wait(short + 50 * MS),
+                    ]
+                });
+                ("a dip at each ignition", [vec![begin], dips.collect()].concat())
+            }
+            1 => (
+                // Cooling is the first that it reports.
+                "the flame goes out in a start behind damage",
+                vec![
+                    Step::Wait(SECOND),
+                    fault(Fault::Damage(true, false), rng.between(2000, 2900) * MS),
+                    begin,
+                    Step::Until(Condition::Starts, 2500 * MS),
+                    Step::Wait(rng.between(100, 1500) * MS),
+                    fault(Fault::FlameOut, MS),
+                    Step::Wait(4 * SECOND),
+                ],
+            ),
+            2 => (
+                "silence in a start that does not light",
+                vec![
+                    fault(Fault::NoLight(true), MS),
+                    begin,
+                    Step::Wait(SECOND),
+                    if rng.percent(50) {
+                        silent(self.main)
+                    } else {
+                        stream(self.main, PilotCommand::Nothing)
+                    },
+                    Step::Wait(rng.between(12, 25) * SECOND),
+                    fault(Fault::NoLight(false), MS),
+                ],
+            ),
+            // Its last run is forgotten, and its standby is a change: it takes the other source's permission.
+            _ => {
+                let other = rng.below(4) as usize;
+                let steps = vec![
+                    begin,
+                    Step::Wait(rng.between(2, 6) * SECOND),
+                    stream(self.main, throttle(100)),
+                    Step::Wait(300 * MS),
+                    silent(self.main),
+                    once(other, PilotCommand::ShutDown),
+                    once(other, PilotCommand::Standby),
+                    Step::Wait(rng.between(10, 60) * MS),
+                    once(self.main, PilotCommand::Standby),
+                    Step::Until(Condition::Out, 4 * SECOND),
+                    Step::Until(Condition::Ready, 60 * SECOND),
+                    Step::Wait(SECOND),
+                    stream(other, IDLE),
+                    Step::Wait(4 * SECOND),
+                    silent(other),
+                ];
+                ("another source starts without a standby since", [steps, self.again()].concat())
+            }
+        }
     }
 }

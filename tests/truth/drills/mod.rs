@@ -2,7 +2,9 @@
 //! standby to a start, through one drill in flight after the other, to a shutdown, and again.
 
 mod combined;
+mod exhaust;
 mod flight;
+mod forgetful;
 mod ground;
 mod play;
 
@@ -37,6 +39,8 @@ pub enum Condition {
     /// The shaft is at rest, and it is cool enough for a start.
     Ready,
     Starts,
+    /// It is in standby.
+    Stands,
     /// It runs, or has gone out.
     Ends,
     Out,
@@ -50,6 +54,7 @@ impl Condition {
                 at_rest && view.egt < view.cool - 12.0 && view.rpm < 200.0
             }
             Self::Starts => view.phase.is_starting(),
+            Self::Stands => view.phase == Phase::Standby,
             Self::Ends => view.phase == Phase::Running || !view.phase.is_live(),
             Self::Out => !view.phase.is_live(),
         }

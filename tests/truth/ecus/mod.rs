@@ -23,7 +23,7 @@ pub fn random(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {
 pub fn quicken(rng: &mut Rng, engine: &mut EngineConfig, ecu: &mut AnyConfig) {
     let turbine = ecu.turbine_mut();
     *turbine = turbine.starting_in(10.0);
-    turbine.cooling_s = rng.pick(&[8.0, 8.0, turbine.cooling_s]);
+    turbine.cooling_s = rng.pick(&[8.0, 8.0, 8.0, 20.0, turbine.cooling_s]);
     config_mut(ecu).for_drills(rng, &mut engine.ecu);
 }
 

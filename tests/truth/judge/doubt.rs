@@ -26,11 +26,34 @@ impl Case<'_> {
             if self.traits().serial_delay && noticed > waits { h.rules.period - 20 * MS } else { 0 }
         };
         let gaps = self.gaps();
-        let gaps = gaps.iter().map(|(from, to)| (from + self.gap_from(from), to + given_up(from, to)));
+        // Damaged frames do not confirm anything either.
+        let readable = |to| h.ruined.last_before(to + MS).map_or(to, |(_, end)| end.max(to));
+        let gaps =
+            gaps.iter().map(|(from, to)| (from + self.gap_from(from), readable(to) + given_up(from, to)));
         let spans: Vec<_> = gaps.chain(damaged).map(|(from, to)| (from, to + confirms)).collect();
         // After a reset, too.
         let resets = h.resets.iter().map(|reset| (reset.up, reset.up + confirms));
-        Spans::from(&spans).union(&Spans::from(&resets.collect::<Vec<_>>()))
+        let by_exhaust = self.gaps();
+        let by_exhaust = by_exhaust.iter().map(|(_, to)| to).chain(h.resets.iter().map(|reset| reset.up));
+        let by_exhaust = by_exhaust.filter_map(|from| Some((from, self.second_error_set(from)?)));
+        Spans::from(&spans)
+            .union(&Spans::from(&resets.collect::<Vec<_>>()))
+            .union(&Spans::from(&by_exhaust.collect::<Vec<_>>()))
+    }
+
+    /// The second set since, if all of them are error sets with a temperature: one does not show whether there is combustion.
+    fn second_error_set(&self, from: u64) -> Option<u64> {
+        let h = self.h;
+        if !self.traits().faults_hide_state {
+            return None;
+        }
+        // The first one that was received as a whole: it has six bytes, and a reply five.
+        let first = h.sets.partition_point(|set| *set < from + h.rules.frame * 6 / 5);
+        let second = *h.sets.get(first + 1)?;
+        let since = from.saturating_sub(h.rules.period + 100 * MS);
+        let whole = !h.sensor.touches(since, second) && !h.noise.touches(since, second);
+        let errors = self.faults.within(since, second) == second - since;
+        (whole && errors && second < from + 3 * h.rules.period).then_some(second)
     }
 
     /// In doubt nothing is sent that could start an engine.
@@ -47,7 +70,9 @@ impl Case<'_> {
             let from = doubts.last_before(at).map_or(at, |(from, _)| from);
             // A frame that no ECU sent, or a start that was granted since.
             let forged =
-                h.forged.iter().any(|forged| (from.saturating_sub(2 * self.gap())..at).contains(forged));
+                h.forged.iter().filter(|forged| (from.saturating_sub(2 * self.gap())..at).contains(*forged));
+            // One with a shaft at rest confirms nothing.
+            let forged = forged.clone().any(|forged| !h.slow.contains(forged));
             let started = h
                 .commanded(from, at)
                 .iter()
@@ -62,6 +87,39 @@ impl Case<'_> {
         self.speed_in_doubt();
         self.slow_shaft();
         self.unreadable_after_a_gap();
+        self.another_state_after_faults();
+    }
+
+    /// When the faults of an AMT ECU clear, it gets no run before a set says that the engine runs.
+    fn another_state_after_faults(&mut self) {
+        let h = self.h;
+        if !self.traits().faults_hide_state {
+            return;
+        }
+        let period = h.rules.period;
+        let faults: Vec<(u64, u64)> = self.faults.at_least(4 * period).iter().collect();
+        for (from, to) in faults {
+            let since = from.saturating_sub(2 * SECOND);
+            let shown = h.samples(to, h.end).iter().find(|sample| !sample.hidden);
+            let (first, last) =
+                (to + period + 60 * MS, shown.map_or(h.end, |sample| sample.at).saturating_sub(60 * MS));
+            let disturbed = [&self.blind, &self.down, &h.noise, &h.garbled, &self.stopped, &h.pwm];
+            if first >= last
+                || !self.known_to_run(since)
+                || h.samples(from.saturating_sub(SECOND), from).iter().any(|sample| sample.hidden)
+                || disturbed.iter().any(|spans| spans.touches(since, last))
+            {
+                continue;
+            }
+            self.verdict.count("other states after error sets", 1);
+            if let Some(frame) = h.first_run(first, last) {
+                let text = format!(
+                    "run, and no set says that the engine runs since its faults at {}",
+                    seconds(from)
+                );
+                self.verdict.finding(Rule::Doubt, frame.at, text);
+            }
+        }
     }
 
     /// After a gap, an AMT ECU with faults in place of a state gets no run as long as the exhaust cannot be read, also where the node

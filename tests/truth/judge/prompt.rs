@@ -25,6 +25,7 @@ impl Case<'_> {
         if traits.replies_only {
             self.replies_in_time();
             self.rises_when_confirmed();
+            self.rises_while_it_burns();
         } else {
             self.damage_is_not_a_gap();
         }
@@ -123,6 +124,47 @@ impl Case<'_> {
                 );
                 self.verdict.finding(Rule::Rate, at, text);
             }
+        }
+    }
+
+    /// With error sets only, a demand does not rise while the exhaust cools, faster than a report's steps of 4.6 °C hide.
+    fn rises_while_it_burns(&mut self) {
+        let h = self.h;
+        if !self.traits().faults_hide_state {
+            return;
+        }
+        let egt = |at: u64| h.sample(at).map_or(0.0, |sample| sample.egt);
+        let cools = |at: u64| {
+            let [last, middle, first] = [200, 1400, 2600].map(|before| egt(at - before * MS));
+            first - middle > 12.0 && middle - last > 12.0
+        };
+        let hidden = [&self.blind, &self.down, &h.noise, &h.garbled, &h.sensor];
+        let faults: Vec<(u64, u64)> = self.faults.at_least(4 * SECOND).iter().collect();
+        let mut found = None;
+        let mut judged = 0;
+        for (from, to) in faults {
+            for pair in h.frames_within(from + 3 * SECOND, to).windows(2) {
+                let (before, frame) = (pair[0], pair[1]);
+                let (Some(was), Some(is)) = (before.sent.demand(), frame.sent.demand()) else { continue };
+                let since = frame.at - 3 * SECOND;
+                // Within 5 s after a lower demand, a colder exhaust proves nothing.
+                if frame.at > before.at + SECOND
+                    || !cools(frame.at)
+                    || self.last_lowered(frame.at.saturating_sub(8 * SECOND), frame.at).is_some()
+                    || hidden.iter().any(|spans| spans.touches(since, frame.at))
+                {
+                    continue;
+                }
+                judged += 1;
+                if self.share(is) > self.share(was) + STEP {
+                    let text = format!("{is} after {was}, with error sets and an exhaust that cools");
+                    found = found.or(Some((frame.at, text)));
+                }
+            }
+        }
+        self.verdict.count("replies while the exhaust cools", judged);
+        if let Some((at, text)) = found {
+            self.verdict.finding(Rule::Rate, at, text);
         }
     }
 

@@ -23,6 +23,7 @@ impl Case<'_> {
         for (from, to) in silences(h, rules.ages.into_iter().min().unwrap_or_default()) {
             self.no_rise_in_silence(from, to);
         }
+        self.quick_resets();
         for (from, to) in silences(h, stages) {
             self.no_start_in_silence(from, to);
             self.standby_in_doubt(from, to);
@@ -161,6 +162,42 @@ impl Case<'_> {
                 let text =
                     format!("the demand rises to {demanded}, all sources silent since {}", seconds(from_us));
                 return self.verdict.finding(Rule::SilentWire, frame.at, text);
+            }
+        }
+    }
+
+    /// From the third reset without a source on, the demand is at its fail-safe at once. The first one of the four may have been
+    /// preceded by a command.
+    fn quick_resets(&mut self) {
+        let h = self.h;
+        let rules = &h.rules;
+        for resets in h.resets.windows(4) {
+            let (first, last) = (resets[0], resets[3]);
+            let since = first.down.saturating_sub(2 * SECOND);
+            let ends = h.resets.iter().map(|reset| reset.down).find(|down| *down > last.up);
+            let until = ends.unwrap_or(h.end).min(last.up + 2 * SECOND);
+            let whole = resets.iter().all(|reset| reset.cause == Cause::Watchdog);
+            if !whole
+                || !h.commanded(first.down, until).is_empty()
+                || rules.governor
+                || !self.known_to_run(since)
+                || !self.known_to_run(first.down)
+                || h.pwm.touches(since, until)
+            {
+                continue;
+            }
+            self.verdict.count("third resets without a source", 1);
+            let high = |demanded| match demanded {
+                Demanded::Throttle(_) => self.share(demanded) > f64::from(rules.fail_safe) + STEP,
+                Demanded::Rpm(rpm) => f64::from(rpm) > rules.idle_rpm + 0.01 * rules.max_rpm,
+            };
+            let mut sent = h.frames_within(last.up, until).iter();
+            let found =
+                sent.find_map(|frame| Some((frame.at, frame.sent.demand().filter(|sent| high(*sent))?)));
+            if let Some((at, sent)) = found {
+                let text =
+                    format!("{sent} after the fourth reset since {} without a source", seconds(first.down));
+                self.verdict.finding(Rule::SilentWire, at, text);
             }
         }
     }

@@ -8,6 +8,12 @@ use std::collections::BTreeMap;
 
 /// Time after a lower demand for which a falling exhaust temperature proves nothing.
 const LOWERED: u64 = 5 * SECOND;
+/// Time for which lower demands, one after the other, excuse a cold exhaust.
+const EXCUSED: u64 = 15 * SECOND;
+/// The longest time for which a start waits for another engine.
+const LONGEST_WAIT: u64 = 180 * SECOND;
+/// Time without a state after which an ECU is not known to be in standby.
+const STATE_IS_OLD: u64 = 3 * SECOND + 500 * MS;
 /// Time without a gap after which a lost source may be in control: other settings after a reset.
 const RECOVERS: u64 = 300 * MS;
 /// Difference by which an exhaust has to be colder than that of a burning engine, °C: an AMT report has steps of
@@ -33,7 +39,13 @@ pub(super) struct Start {
 impl Case<'_> {
     /// Every pair of commands for a start.
     pub(super) fn pairs(&self) -> Vec<Start> {
+        self.permissions().0
+    }
+
+    /// Every pair of commands for a start, and for a hand-over to the PWM input the time of its second one.
+    fn permissions(&self) -> (Vec<Start>, Vec<u64>) {
         let mut starts: Vec<Start> = Vec::new();
+        let mut hand_overs = Vec::new();
         let (mut ready, mut last) = ([false; 4], [None; 4]);
         let recovered = self.h.rules.recover_after + self.h.rules.takeover;
         let mut lost = self.h.resets.iter().filter(|reset| reset.cause != Cause::Watchdog).peekable();
@@ -89,6 +101,12 @@ impl Case<'_> {
                         });
                     }
                 }
+                // One that is refused uses it, too.
+                PilotCommand::Pwm => {
+                    if core::mem::take(&mut ready[source]) {
+                        hand_overs.push(at);
+                    }
+                }
                 PilotCommand::Stop | PilotCommand::Disarm | PilotCommand::ShutDown => {
                     ready = [false; 4];
                     cancel(&mut starts, &|_| true);
@@ -99,7 +117,7 @@ impl Case<'_> {
                 last[source] = Some((at, commanded.command));
             }
         }
-        starts
+        (starts, hand_overs)
     }
 
     /// Time after its run for which a start may still light the engine.
@@ -141,6 +159,9 @@ impl Case<'_> {
         if at > 3 * SECOND && h.sensor.within(at - 3 * SECOND, at) == 3 * SECOND {
             return Some("the exhaust is not measured".into());
         }
+        if at > STATE_IS_OLD && h.ruined.within(at - STATE_IS_OLD, at) == STATE_IS_OLD {
+            return Some("nothing intact was received of it for 3.5 s".into());
+        }
         // A ZK report has whole degrees, an AMT one steps of 4.6.
         if coolest > h.rules.egt_max + 6.0 && coolest < f64::MAX {
             return Some(format!("the exhaust has {coolest:.0} °C"));
@@ -153,8 +174,8 @@ impl Case<'_> {
         if !last(1000 * MS).is_empty() && !last(1000 * MS).iter().any(|sample| at_rest(sample.phase)) {
             return Some("the engine is not in standby".into());
         }
-        if h.rules.supply_counts && at > 2 * SECOND && h.low_supply.within(at - 2 * SECOND, at) == 2 * SECOND
-        {
+        let supply = h.rules.supply_counts || h.rules.limit_supply.is_some();
+        if supply && at > 2 * SECOND && h.low_supply.within(at - 2 * SECOND, at) == 2 * SECOND {
             return Some("the supply is low".into());
         }
         // A pump that its node has opened and not closed again.
@@ -194,6 +215,13 @@ impl Case<'_> {
         if began > start.at + SECOND && longest(began) > self.command_log.age(start.source) + 200 * MS {
             return who("waited, and its source was lost");
         }
+        let slot = self.h.rules.period + 100 * MS;
+        if waited && self.behind(start.source, start.at, began.saturating_sub(slot)) {
+            return who("waited, and a higher source was in control meanwhile");
+        }
+        if began > start.at + LONGEST_WAIT + slot {
+            return who("waited for longer than 180 s");
+        }
         let stages = super::control::to_fail_safe(self.h)
             + self.h.rules.standby_after.unwrap_or(10 * SECOND)
             + 2 * SECOND;
@@ -217,6 +245,19 @@ impl Case<'_> {
         }
         // Every interlock counts at that instant; only for another engine's start does it wait.
         self.interlock(start.at).and_then(|why| who(&format!("was not to be granted: {why}")))
+    }
+
+    /// Whether a source above this one has commanded run, and was in control, within these times.
+    fn behind(&self, source: usize, from_us: u64, to_us: u64) -> bool {
+        let settled = self.h.rules.recover_after + self.h.rules.takeover + 200 * MS;
+        self.h.commanded(from_us, to_us).iter().any(|higher| {
+            higher.source < source
+                && matches!(higher.command, PilotCommand::Run(_))
+                && self
+                    .command_log
+                    .commands_since(higher.source, higher.at)
+                    .is_some_and(|since| higher.at >= since + settled)
+        })
     }
 
     /// Whether this source was never received before, or the node was reset since: to the node it is a new one, which may be in
@@ -608,7 +649,7 @@ impl Case<'_> {
             let over = h.sensor.last_before(at).map(|(_, over)| over);
             return match over.filter(|_| broke.is_some_and(|broke| broke <= lowered + LOWERED)) {
                 Some(over) => self.fallen(over, at).map_or(at, |fallen| fallen.max(lowered + LOWERED)),
-                None => cold.max(lowered + LOWERED),
+                None => cold.max(lowered + LOWERED).min(cold + EXCUSED),
             };
         }
         // A node that was reset has to see the fall again.
@@ -651,6 +692,7 @@ impl Case<'_> {
             h.frames.windows(2).filter(|pair| pwm(pair[1].sent.switch()) && !pwm(pair[0].sent.switch()));
         self.verdict.count("hand-overs to the PWM input", begin.count() as u64);
         let lives = self.starts_of_life();
+        let (_, permitted) = self.permissions();
         let commands: Vec<&Commanded> =
             h.commanded.iter().filter(|commanded| commanded.command == PilotCommand::Pwm).collect();
         let mut reported = 0;
@@ -662,7 +704,10 @@ impl Case<'_> {
             // One that is refused takes nothing from an earlier one.
             let commands = &commands[..commands.partition_point(|commanded| commanded.at <= at)];
             let mut against =
-                commands.iter().rev().take(8).map(|commanded| self.against_hand_over(commanded, at, &lives));
+                commands.iter().rev().take(8).map(|commanded| match permitted.binary_search(&commanded.at) {
+                    Err(_) => Some("its source had used its standby, or somebody had taken it back"),
+                    Ok(_) => self.against_hand_over(commanded, at, &lives),
+                });
             let why = match against.next() {
                 None => Some("no source commanded it"),
                 Some(last) => last.filter(|_| against.all(|earlier| earlier.is_some())),

@@ -172,10 +172,14 @@ fn resets_do_not_keep_a_lost_demand_alive() {
             480.0,
         )
     };
-    story(46, 0).passes();
+    story(44, 0).passes();
     story(60, 0).breaks(&[Rule::SilentWire]);
     // Without memory the earlier resets do not count.
-    let is_silent = |until, power_on_at| story(until, power_on_at).finds(Rule::SilentWire);
+    let is_silent = |until, power_on_at| {
+        // That the third of them brings the fail-safe at once is another rule.
+        let findings = story(until, power_on_at).judged().findings;
+        findings.iter().any(|it| it.rule == Rule::SilentWire && !it.text.contains("fourth reset"))
+    };
     assert!(is_silent(51, 0) && !is_silent(51, 44_500) && is_silent(58, 44_500));
     // Nor where the demand was at the fail-safe by then (858000417).
     assert!(!is_silent(51, 46_000) && is_silent(58, 46_000));

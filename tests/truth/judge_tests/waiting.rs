@@ -46,6 +46,41 @@ fn a_start_that_waited_is_checked_again_when_it_goes() {
 }
 
 #[test]
+fn a_wait_ends_behind_a_higher_source_after_its_time_and_without_a_state() {
+    // It waits from 4 s until `goes`.
+    let story = |goes: f64| {
+        ready(ZK5)
+            .streams(PILOT, 4.0, goes + 4.0, PilotCommand::Run(Demanded::Throttle(0)))
+            .wire(4.0, goes, STANDBY)
+            .wire(goes, goes + 4.0, IDLE)
+            .mark(goes + 1.0, Mark::Ignition)
+            .turbine(5.0, goes + 1.0, Phase::Standby, 0.0, 15.0)
+            .turbine(goes + 1.0, goes + 4.0, Phase::Ignition, 5000.0, 20.0)
+            .with(|h| h.rules.start_wait = 300 * SECOND)
+    };
+    let lights = |story: Story| story.finds(Rule::Ignition);
+    // Long enough to be in control, or a moment.
+    let behind = |until: f64| story(14.0).streams(0, 5.0, until, PilotCommand::Run(Demanded::Throttle(0)));
+    assert!(lights(behind(9.0)) && !lights(behind(6.0)));
+    assert!(lights(story(185.0)) && !lights(story(183.0)));
+    let damaged = |from: f64| {
+        story(14.0).with(move |h| {
+            (h.ruined, h.noise) =
+                (Spans::from(&[(micros(from), 14_500 * MS)]), Spans::from(&[(micros(from), 14_500 * MS)]));
+        })
+    };
+    assert!(lights(damaged(10.0)) && !lights(damaged(11.5)));
+    // A limit of the supply prevents a start, too.
+    let low = |limit: bool| {
+        story(14.0).with(move |h| {
+            h.rules.limit_supply = limit.then_some(false);
+            h.low_supply = Spans::from(&[(10 * SECOND, 20 * SECOND)]);
+        })
+    };
+    assert!(lights(low(true)) && !lights(low(false)));
+}
+
+#[test]
 fn a_start_that_waits_goes_when_it_may() {
     let run = PilotCommand::Run(Demanded::Throttle(0));
     let story = |goes: f64, busy: u64| {
