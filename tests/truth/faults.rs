@@ -395,6 +395,9 @@ fn end(fault: Fault, plug: &Plug<AnyEcu>) {
     }
 }
 
+/// Share of damaged bytes with which no frame of six arrives as a whole, although the node finds where many of them begin, per million.
+const NO_FRAME: u32 = 800_000;
+
 pub fn write_down(history: &mut History, fault: Fault, from_us: u64, to_us: u64) {
     // One that began earlier may end later.
     let add = |spans: &mut Spans| *spans = spans.union(&Spans::from(&[(from_us, to_us)]));
@@ -434,9 +437,13 @@ pub fn write_down(history: &mut History, fault: Fault, from_us: u64, to_us: u64)
                 add(&mut history.noise_to_ecu);
             }
         }
-        Fault::Framing(_) => {
+        Fault::Framing(per_million) => {
             add(&mut history.noise);
             add(&mut history.framing);
+            if per_million >= NO_FRAME {
+                add(&mut history.garbled);
+                add(&mut history.ruined);
+            }
         }
         Fault::OneWrongFrame | Fault::OddFrame(_) => {
             add(&mut history.noise);

@@ -20,7 +20,7 @@ impl Director {
         let a_while = Step::Wait(rng.between(1000, 2000) * MS);
         let reset = Step::Reset(Cause::Watchdog, rng.spread(20 * MS, 150 * MS));
         let rest = Step::Wait(6 * SECOND);
-        match rng.below(12) {
+        match rng.below(14) {
             // The ECU says itself that it is wrong.
             0 => vec![error(true, 8), a_while, sensor(EgtSensor::Cold, 6000), reset, rest],
             1 => {
@@ -77,16 +77,17 @@ impl Director {
                 rest,
             ],
             // Its faults clear again and again, while it reports another state than running.
-            10 => (0..6).flat_map(|_| [error(false, 1), Step::Wait(rng.between(2000, 4000) * MS)]).collect(),
+            10..13 => {
+                (0..6).flat_map(|_| [error(false, 1), Step::Wait(rng.between(2000, 4000) * MS)]).collect()
+            }
             _ => vec![error(false, 30), a_while, fault(Fault::FlameOut, MS), Step::Wait(15 * SECOND)],
         }
     }
 
-    /// Nothing but reports of a running engine with a shaft at rest arrives: they confirm nothing.
+    /// The first reports after a gap are of a running engine with a shaft at rest: they confirm nothing.
     pub(super) fn slow_behind_a_gap(&self, rng: &mut Rng) -> Vec<Step> {
-        let length = self.outlived(rng.between(1400, 1800) * MS);
-        let slow = [fault(Fault::OddFrame(Odd::SlowShaft), MS), Step::Wait(self.rules.period)];
-        let begins = [fault(Fault::CutToNode, length), Step::Wait(rng.between(500, 700) * MS)];
-        [begins.to_vec(), slow.repeat(4), vec![Step::Wait(3 * SECOND)]].concat()
+        let length = self.outlived(rng.between(500, 1500) * MS);
+        let slow = fault(Fault::OddFrame(Odd::SlowShaft), MS);
+        vec![fault(Fault::CutToNode, length), Step::Wait(length), slow, slow, Step::Wait(3 * SECOND)]
     }
 }

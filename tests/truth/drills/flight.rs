@@ -108,6 +108,7 @@ impl Director {
         let (what, length) = match rng.below(8) {
             0..3 => (Fault::Framing(rng.pick(&[100_000, 500_000])), rng.spread(patience, 9500 * MS)),
             3 => (Fault::Damage(true, false), rng.spread(SECOND, 9500 * MS)),
+            4 if rng.percent(50) => (Fault::Framing(800_000), rng.between(12, 18) * SECOND),
             4 => (Fault::Damage(true, false), rng.between(12, 18) * SECOND),
             5 | 6 => (Fault::Babble, self.outlived(rng.spread(400 * MS, 8 * SECOND))),
             _ => (Fault::Damage(false, true), patience * rng.between(50, 88) / 100),

@@ -20,14 +20,18 @@ impl Director {
         }
     }
 
-    /// Nothing but reports of a running engine with a shaft at rest arrives: no engine is found.
+    /// Two reports of a running engine with a shaft at rest: no engine is found by them.
     fn slow_after_a_loss(&self, rng: &mut Rng) -> Vec<Step> {
-        let slow = [fault(Fault::OddFrame(Odd::SlowShaft), MS), Step::Wait(self.rules.period)];
-        let begins = [
-            fault(Fault::CutToNode, self.outlived(rng.between(1400, 1800) * MS)),
+        let slow = fault(Fault::OddFrame(Odd::SlowShaft), MS);
+        let length = self.outlived(rng.between(300, 600) * MS);
+        vec![
+            fault(Fault::CutToNode, length),
             Step::Reset(Cause::PowerOn, 20 * MS),
-        ];
-        [begins.to_vec(), slow.repeat(6), vec![Step::Wait(3 * SECOND)]].concat()
+            Step::Wait(length - 80 * MS),
+            slow,
+            slow,
+            Step::Wait(3 * SECOND),
+        ]
     }
 
     /// The node is reset, and nothing is received of the ECU since: standby has to reach it in whichever way it takes a switch.
@@ -39,11 +43,11 @@ impl Director {
             once(self.main, PilotCommand::Stop)
         };
         vec![
-            fault(Fault::CutToNode, 8 * SECOND),
+            fault(Fault::CutToNode, 18 * SECOND),
             Step::Reset(cause, 20 * MS),
             Step::Wait(rng.spread(300 * MS, 2 * SECOND)),
             ends,
-            Step::Wait(6 * SECOND),
+            Step::Wait(15 * SECOND),
         ]
     }
 
@@ -53,7 +57,7 @@ impl Director {
         vec![
             fault(Fault::CutToNode, length),
             Step::Wait(length),
-            fault(Fault::Damage(true, false), damaged.min(2 * SECOND)),
+            fault(Fault::Framing(800_000), damaged.min(2 * SECOND)),
             Step::Wait(4 * SECOND),
         ]
     }

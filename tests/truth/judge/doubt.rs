@@ -2,7 +2,7 @@
 //! may be sent.
 
 use super::case::{Case, Rule, seconds};
-use crate::history::{Demanded, Frame, MS, PilotCommand, SECOND, Sent, Spans, Switch};
+use crate::history::{Cause, Demanded, Frame, MS, PilotCommand, Reset, SECOND, Sent, Spans, Switch};
 
 /// Time for which damaged frames count as frames.
 const DAMAGED_MAX: u64 = 10 * SECOND;
@@ -36,9 +36,27 @@ impl Case<'_> {
         let by_exhaust = self.gaps();
         let by_exhaust = by_exhaust.iter().map(|(_, to)| to).chain(h.resets.iter().map(|reset| reset.up));
         let by_exhaust = by_exhaust.filter_map(|from| Some((from, self.second_error_set(from)?)));
+        let first_sets = self.gaps();
+        let first_sets = first_sets.iter().map(|(_, to)| (to, 0));
+        let forgets = |reset: &&Reset| reset.cause == Cause::PowerOn;
+        let first_sets = first_sets.chain(h.resets.iter().filter(forgets).map(|reset| (reset.up, 1)));
+        let first_sets = first_sets.filter_map(|(from, more)| Some((from, self.set_after(from, more)?)));
         Spans::from(&spans)
+            .union(&Spans::from(&first_sets.collect::<Vec<_>>()))
             .union(&Spans::from(&resets.collect::<Vec<_>>()))
             .union(&Spans::from(&by_exhaust.collect::<Vec<_>>()))
+    }
+
+    /// The first set since then that an AMT ECU sent as a whole, or one of those after it. Which other bytes form a set is up to the
+    /// node.
+    fn set_after(&self, from: u64, more: usize) -> Option<u64> {
+        let h = self.h;
+        // It has six bytes, and a reply five. One that began in the same instant counts as whole.
+        let first = h.sets.partition_point(|set| *set + 2 * MS < from + h.rules.frame * 6 / 5);
+        let set = *h.sets.get(first + more)?;
+        let odd =
+            [&h.garbled, &h.framing].iter().any(|spans| spans.touches(from.saturating_sub(SECOND), set));
+        (self.traits().replies_only && !odd && set < from + 3 * h.rules.period).then_some(set)
     }
 
     /// The second set since, if all of them are error sets with a temperature: one does not show whether there is combustion.
@@ -47,13 +65,11 @@ impl Case<'_> {
         if !self.traits().faults_hide_state {
             return None;
         }
-        // The first one that was received as a whole: it has six bytes, and a reply five.
-        let first = h.sets.partition_point(|set| *set < from + h.rules.frame * 6 / 5);
-        let second = *h.sets.get(first + 1)?;
+        let second = self.set_after(from, 1)?;
         let since = from.saturating_sub(h.rules.period + 100 * MS);
         let whole = !h.sensor.touches(since, second) && !h.noise.touches(since, second);
         let errors = self.faults.within(since, second) == second - since;
-        (whole && errors && second < from + 3 * h.rules.period).then_some(second)
+        (whole && errors).then_some(second)
     }
 
     /// In doubt nothing is sent that could start an engine.

@@ -2,7 +2,7 @@
 //! documented begins.
 
 use super::case::{Case, Rule, seconds};
-use crate::history::{Cause, MS, PilotCommand, SECOND, Spans};
+use crate::history::{Cause, Commanded, MS, PilotCommand, SECOND, Spans};
 use sim::turbine::Phase;
 
 /// Time from a command until the turbine is out, with every wire intact.
@@ -52,6 +52,9 @@ impl Case<'_> {
         }
         for at in self.standbys() {
             ends.push((at, "standby"));
+        }
+        for at in self.slow_standbys() {
+            ends.push((at, "two standbys within two periods of their source"));
         }
         ends.sort_unstable();
         let mut reported = 0;
@@ -140,6 +143,37 @@ impl Case<'_> {
             if at > waits && !self.down.touches(from, at) {
                 ends.push(at);
                 since = Some(at);
+            }
+        }
+        ends
+    }
+
+    /// The same, where a source that commands seldom, and is alone, commands standby twice within two of its own periods.
+    fn slow_standbys(&self) -> Vec<u64> {
+        let h = self.h;
+        let alone_for = 25 * SECOND;
+        let mut ends = Vec::new();
+        for (index, second) in
+            h.commanded.iter().enumerate().filter(|(_, it)| it.command == PilotCommand::Standby)
+        {
+            let Some(commands) = index.checked_sub(2).and_then(|from| h.commanded.get(from..=index)) else {
+                continue;
+            };
+            let alone = h.commanded(second.at.saturating_sub(alone_for), second.at).iter();
+            let steady = |other: &Commanded| other.source == second.source && other.command.is_received();
+            let [third, first, _] = commands else { continue };
+            let period = first.at - third.at;
+            let is = |commanded: &Commanded, standby| (commanded.command == PilotCommand::Standby) == standby;
+            if alone.clone().count() > 4
+                && alone.clone().all(steady)
+                && is(first, true)
+                && is(third, false)
+                // Its run was in force until then.
+                && period < self.command_log.age(second.source) * 95 / 100
+                && second.at - first.at <= 2 * period
+                && !self.down.touches(second.at.saturating_sub(60 * SECOND), second.at)
+            {
+                ends.push(second.at + OBEYS);
             }
         }
         ends

@@ -25,6 +25,7 @@ impl Case<'_> {
         }
         self.quick_resets();
         for (from, to) in silences(h, stages) {
+            self.a_late_doubt_has_time(from, to);
             self.no_start_in_silence(from, to);
             self.standby_in_doubt(from, to);
             let wire = self.fail_safe_by(from, to, stages);
@@ -199,6 +200,42 @@ impl Case<'_> {
                     format!("{sent} after the fourth reset since {} without a source", seconds(first.down));
                 self.verdict.finding(Rule::SilentWire, at, text);
             }
+        }
+    }
+
+    /// Where no standby is configured, a doubt that begins when the stages have long run out has 2 s to be confirmed.
+    fn a_late_doubt_has_time(&mut self, from_us: u64, to_us: u64) {
+        let h = self.h;
+        if h.rules.standby_after.is_some() {
+            return;
+        }
+        let late = from_us + to_fail_safe(h) + RUN_OUT + SECOND;
+        let gaps = self.blind.iter().map(|(from, _)| from);
+        let resets = h.resets.iter().map(|reset| reset.down);
+        let begins =
+            gaps.chain(resets).chain(h.forged.iter().copied()).filter(|at| (late..to_us).contains(at)).min();
+        let hidden =
+            [&self.blind, &self.down, &h.noise, &h.garbled, &self.faults, &self.stopped, &h.pwm, &h.deaf];
+        let Some(at) = begins.filter(|at| self.known_to_run(*at)) else { return };
+        let since = from_us.saturating_sub(4 * SECOND);
+        let until = at + 1700 * MS;
+        let other_state = h.samples(since, until).iter().any(|sample| sample.hidden);
+        // After the third reset without a source it has none.
+        let resets = h.resets.iter().filter(|reset| (from_us..until).contains(&reset.down)).count();
+        if other_state
+            || until > to_us
+            || resets > 2
+            || hidden.iter().any(|spans| spans.touches(since, at))
+            || self.reduced(at)
+        {
+            return;
+        }
+        self.verdict.count("late doubts", 1);
+        let stops = |frame: &&Frame| matches!(frame.sent.switch(), Some(Switch::Standby | Switch::Stop));
+        if let Some(frame) = h.frames_within(at, until).iter().find(stops) {
+            let text =
+                format!("{} at once, and the engine is in doubt since {} only", frame.sent, seconds(at));
+            self.verdict.finding(Rule::ShutDown, frame.at, text);
         }
     }
 
