@@ -209,13 +209,14 @@ impl Director {
         ];
         if self.main < 2 && rng.percent(40) {
             // The lowest one takes the engine over that is found, before the one that flies is received.
+            let away = rng.pick(&[50, 150, 300, 400, 1000, 1700, 2500]) * MS;
             return vec![
                 stream(3, self.flies()),
                 stream(2, PilotCommand::Standby),
                 Step::Wait(2 * SECOND),
                 silent(self.main),
                 Step::Reset(rng.pick(&[Cause::BrownOut, Cause::PowerOn]), 20 * MS),
-                Step::Wait(rng.between(1000, 2500) * MS),
+                Step::Wait(away),
                 stream(self.main, self.flies()),
                 Step::Wait(4 * SECOND),
             ];

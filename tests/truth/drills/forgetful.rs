@@ -23,7 +23,7 @@ impl Director {
     /// Two reports of a running engine with a shaft at rest: no engine is found by them.
     fn slow_after_a_loss(&self, rng: &mut Rng) -> Vec<Step> {
         let slow = fault(Fault::OddFrame(Odd::SlowShaft), MS);
-        let length = self.outlived(rng.between(300, 600) * MS);
+        let length = self.outlived(rng.between(700, 1200) * MS);
         vec![
             fault(Fault::CutToNode, length),
             Step::Reset(Cause::PowerOn, 20 * MS),

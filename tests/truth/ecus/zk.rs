@@ -125,9 +125,12 @@ fn node(engine: &mut EcuConfig) -> &mut Config {
 }
 
 impl WorldConfig for ZkConfig {
-    /// It may report standby while its pump is open.
+    /// It may report standby while its pump is open, and try for long to light its engine again.
     fn for_drills(&mut self, rng: &mut Rng, _: &mut EcuConfig) {
         self.temper.standby_while_pump_is_open = rng.percent(50);
+        if self.temper.relights > 0 && rng.percent(50) {
+            self.temper.relights = 6;
+        }
     }
 
     fn other_settings(&self, engine: &mut EcuConfig) {

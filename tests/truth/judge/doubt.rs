@@ -39,7 +39,9 @@ impl Case<'_> {
         let first_sets = self.gaps();
         let first_sets = first_sets.iter().map(|(_, to)| (to, 0));
         let forgets = |reset: &&Reset| reset.cause == Cause::PowerOn;
-        let first_sets = first_sets.chain(h.resets.iter().filter(forgets).map(|reset| (reset.up, 1)));
+        let receives = |up: u64| self.blind.last_before(up + MS).map_or(up, |(_, to)| to.max(up));
+        let first_sets =
+            first_sets.chain(h.resets.iter().filter(forgets).map(|reset| (receives(reset.up), 1)));
         let first_sets = first_sets.filter_map(|(from, more)| Some((from, self.set_after(from, more)?)));
         Spans::from(&spans)
             .union(&Spans::from(&first_sets.collect::<Vec<_>>()))
@@ -53,10 +55,16 @@ impl Case<'_> {
         let h = self.h;
         // It has six bytes, and a reply five. One that began in the same instant counts as whole.
         let first = h.sets.partition_point(|set| *set + 2 * MS < from + h.rules.frame * 6 / 5);
-        let set = *h.sets.get(first + more)?;
+        // Those that no ECU sent are on the line first, where it was idle.
+        let forged = h.forged.iter().filter(|forged| (from..from + h.rules.period).contains(*forged));
+        let begins = h.sets.get(first).map(|set| set.saturating_sub(h.rules.frame * 6 / 5));
+        if forged.clone().any(|forged| begins.is_none_or(|begins| begins.abs_diff(*forged) > MS)) {
+            return None;
+        }
+        let set = *h.sets.get(first + forged.count() + more)?;
         let odd =
             [&h.garbled, &h.framing].iter().any(|spans| spans.touches(from.saturating_sub(SECOND), set));
-        (self.traits().replies_only && !odd && set < from + 3 * h.rules.period).then_some(set)
+        (self.traits().replies_only && !odd && set < from + 4 * h.rules.period).then_some(set)
     }
 
     /// The second set since, if all of them are error sets with a temperature: one does not show whether there is combustion.

@@ -513,6 +513,7 @@ impl Case<'_> {
                         && !gaps.touches(start.at, at.saturating_sub(self.gap()).max(start.at))
                         // An AMT ECU reports it in each set: only noise can hide it.
                         && (self.traits().rounds || h.noise.touches(start.at, reported))
+                        && !self.shows_cooling(at)
                         && self.not_by(start, at).is_none()
                 });
                 if unreported {
@@ -629,6 +630,18 @@ impl Case<'_> {
         for (name, spans) in exempt {
             self.verdict.at_rest.exempt(name, spans.total());
         }
+    }
+
+    /// Whether a report of cooling, which no start has, was received lately.
+    fn shows_cooling(&self, at: u64) -> bool {
+        let h = self.h;
+        let since = at.saturating_sub(self.one_state() + h.rules.period + 100 * MS);
+        let samples = h.samples(since, at);
+        let hidden = [&h.noise, &h.mute, &h.unpowered, &self.down];
+        self.traits().reports_stages
+            && !samples.is_empty()
+            && samples.iter().all(|sample| sample.phase == Phase::Cooling)
+            && !hidden.iter().any(|spans| spans.touches(since, at))
     }
 
     /// When the exhaust has shown that its engine went out: it is cold, or falls fast enough for long enough, and not

@@ -64,6 +64,25 @@ fn a_shaft_at_rest_confirms_nothing_in_a_gap() {
     };
     // A set that no ECU sent may have said that it runs.
     assert!(story(true).finds(Rule::Doubt) && !story(false).finds(Rule::Doubt));
+    // Nor right after it, before the first set of the ECU.
+    let behind = |reply: u64, cause: Option<Cause>| {
+        let story = flight(AMT, 60.0).with(move |h| {
+            h.rules.frame = 20_800;
+            match cause {
+                None => h.mute = Spans::from(&[(40 * SECOND, 41 * SECOND)]),
+                Some(cause) => h.resets = vec![Reset { down: 40 * SECOND, up: 41 * SECOND, cause }],
+            }
+            h.frames.retain(|frame| !(40 * SECOND..reply * MS).contains(&frame.at));
+            h.sets = (0..160).map(|n| 30_090 * MS + n * 125 * MS).chain([41_025 * MS]).collect();
+            h.sets.sort_unstable();
+            (h.forged, h.slow) = (vec![41 * SECOND], vec![41 * SECOND]);
+        });
+        story.finds(Rule::Doubt)
+    };
+    assert!(behind(41_000, None) && !behind(41_100, None));
+    // Without a memory two have to agree.
+    assert!(behind(41_100, Some(Cause::PowerOn)) && !behind(41_250, Some(Cause::PowerOn)));
+    assert!(!behind(41_100, Some(Cause::Watchdog)));
 }
 
 #[test]

@@ -498,3 +498,29 @@ fn after_error_sets_only_running_ends_the_doubt_of_an_engine_without_a_source() 
     };
     assert_eq!([story(true), story(false)], [false, true]);
 }
+
+/// Where no standby is configured, a doubt that begins long after the last stage has 2 s.
+#[test]
+fn a_late_doubt_has_time_to_be_confirmed() {
+    let story = |doubt: f64, ends: f64, more_resets: bool| {
+        flight(ZK5, 40.0)
+            .wire(40.0, ends, IDLE)
+            .wire(ends, 70.0, STANDBY)
+            .turbine(40.0, 70.0, Phase::Running, 55_000.0, 400.0)
+            .with(move |h| {
+                let reset =
+                    |at: f64| Reset { down: micros(at), up: micros(at + 0.1), cause: Cause::Watchdog };
+                h.resets = vec![reset(doubt)];
+                if more_resets {
+                    h.resets.extend([reset(doubt + 0.4), reset(doubt + 0.8)]);
+                }
+            })
+    };
+    let at_once =
+        |story: Story| story.judged().findings.iter().any(|found| found.text.contains("at once, and"));
+    assert!(at_once(story(60.0, 60.5, false)) && !at_once(story(60.0, 62.0, false)));
+    assert!(!at_once(story(60.0, 60.95, true)) && !at_once(story(48.0, 48.5, false)));
+    // A configured standby does not wait.
+    let configured = story(60.0, 60.5, false).with(|h| h.rules.standby_after = Some(3 * SECOND));
+    assert!(!at_once(configured));
+}

@@ -315,3 +315,24 @@ fn nothing_is_sent_that_the_ecus_version_does_not_know() {
 fn every_frame_is_one_of_the_document() {
     ready(AMT).wire(4.0, 4.1, Sent::Bad([0xFF, 0x14, 0x20, 0x14, 0x21])).breaks(&[Rule::Frame]);
 }
+
+/// A source that commands every 0.4 s, with a timeout of 0.5 s, and is the only one.
+#[test]
+fn two_standbys_within_two_periods_of_a_slow_source_shut_down() {
+    let story = |apart: f64, other: bool| {
+        let mut story =
+            started(ZK5).turbine(RUNS as f64, 70.0, Phase::Running, 60_000.0, 400.0).wire(31.0, 70.0, IDLE);
+        for n in 0..78 {
+            story = story.once(PILOT, 31.0 + 0.4 * f64::from(n), PilotCommand::Run(Demanded::Throttle(0)));
+        }
+        let story =
+            story.once(PILOT, 62.2, PilotCommand::Standby).once(PILOT, 62.2 + apart, PilotCommand::Standby);
+        let story = if other {
+            story.streams(0, 50.0, 70.0, PilotCommand::Run(Demanded::Throttle(0)))
+        } else {
+            story
+        };
+        story.judged().findings.iter().any(|found| found.text.contains("within two periods"))
+    };
+    assert!(story(0.75, false) && !story(0.9, false) && !story(0.75, true));
+}
