@@ -389,7 +389,7 @@ impl Director {
             match rng.percent(50) {
                 true => Step::Wait(rng.spread(SECOND, 10 * SECOND)),
                 // It may still be too hot.
-                false => Step::Until(Condition::Stands, 100 * SECOND),
+                false => Step::Until(Condition::InStandby, 100 * SECOND),
             },
             next,
             Step::Wait(3 * SECOND),

@@ -40,7 +40,7 @@ pub enum Condition {
     Ready,
     Starts,
     /// It is in standby.
-    Stands,
+    InStandby,
     /// It runs, or has gone out.
     Ends,
     Out,
@@ -54,7 +54,7 @@ impl Condition {
                 at_rest && view.egt < view.cool - 12.0 && view.rpm < 200.0
             }
             Self::Starts => view.phase.is_starting(),
-            Self::Stands => view.phase == Phase::Standby,
+            Self::InStandby => view.phase == Phase::Standby,
             Self::Ends => view.phase == Phase::Running || !view.phase.is_live(),
             Self::Out => !view.phase.is_live(),
         }

@@ -54,14 +54,20 @@ impl Case<'_> {
     fn set_after(&self, from: u64, more: usize) -> Option<u64> {
         let h = self.h;
         // It has six bytes, and a reply five. One that began in the same instant counts as whole.
-        let first = h.sets.partition_point(|set| *set + 2 * MS < from + h.rules.frame * 6 / 5);
+        let long = h.rules.frame * 6 / 5;
+        let first = h.sets.partition_point(|set| *set + 2 * MS < from + long);
         // Those that no ECU sent are on the line first, where it was idle.
-        let forged = h.forged.iter().filter(|forged| (from..from + h.rules.period).contains(*forged));
-        let begins = h.sets.get(first).map(|set| set.saturating_sub(h.rules.frame * 6 / 5));
+        let mut forged = h.forged.iter().filter(|forged| (from..from + h.rules.period).contains(*forged));
+        let begins = h.sets.get(first).map(|set| set.saturating_sub(long));
         if forged.clone().any(|forged| begins.is_none_or(|begins| begins.abs_diff(*forged) > MS)) {
             return None;
         }
-        let set = *h.sets.get(first + forged.count() + more)?;
+        let count = forged.clone().count() as u64;
+        let first = forged.next().map_or(first, |forged| {
+            let over = forged + count * long + MS;
+            h.sets.partition_point(|set| *set < over)
+        });
+        let set = *h.sets.get(first + more)?;
         let odd =
             [&h.garbled, &h.framing].iter().any(|spans| spans.touches(from.saturating_sub(SECOND), set));
         (self.traits().replies_only && !odd && set < from + 4 * h.rules.period).then_some(set)
