@@ -171,6 +171,8 @@ impl Case<'_> {
                 // Its run was in force until then.
                 && period < self.command_log.age(second.source) * 95 / 100
                 && second.at - first.at <= 2 * period
+                // For longer than a short gap, it was lost.
+                && second.at - first.at < self.command_log.age(second.source) + h.rules.return_within - 50 * MS
                 && !self.down.touches(second.at.saturating_sub(60 * SECOND), second.at)
             {
                 ends.push(second.at + OBEYS);

@@ -319,7 +319,7 @@ fn every_frame_is_one_of_the_document() {
 /// A source that commands every 0.4 s, with a timeout of 0.5 s, and is the only one.
 #[test]
 fn two_standbys_within_two_periods_of_a_slow_source_shut_down() {
-    let story = |apart: f64, other: bool| {
+    let story = |apart: f64, other: bool, returns_within: u64| {
         let mut story =
             started(ZK5).turbine(RUNS as f64, 70.0, Phase::Running, 60_000.0, 400.0).wire(31.0, 70.0, IDLE);
         for n in 0..78 {
@@ -332,7 +332,10 @@ fn two_standbys_within_two_periods_of_a_slow_source_shut_down() {
         } else {
             story
         };
+        let story = story.with(|h| h.rules.return_within = returns_within);
         story.judged().findings.iter().any(|found| found.text.contains("within two periods"))
     };
-    assert!(story(0.75, false) && !story(0.9, false) && !story(0.75, true));
+    assert!(story(0.75, false, SECOND) && !story(0.9, false, SECOND) && !story(0.75, true, SECOND));
+    // It was lost in between (208).
+    assert!(!story(0.75, false, 200 * MS));
 }
