@@ -1,5 +1,6 @@
 //! Service commands, the hand-over to PWM, reports, and random schedules of all of them. For both ECUs.
 
+use embassy_time::Duration;
 use jetlink::command::{Accepted, Command, Demand, Interlock, Order, Origin, Rejected};
 use jetlink::ecu::zk::codec::{AccelerationCurve, Action};
 use jetlink::ecu::{Service, amt, zk};
@@ -83,6 +84,26 @@ fn zk_8_a_hand_over_lasts_for_the_engines_life() {
         let before = amt.order();
         assert_eq!(amt.command(Command::HandOverToPwm), Err(why));
         assert_eq!(amt.order(), before);
+    }
+}
+
+/// One permission gives one hand-over, or one start, also where the hand-over ended before its engine turned.
+#[test]
+fn zk_8_a_hand_over_uses_its_permission_up() {
+    for handed_over in [false, true] {
+        let mut config = Ecu::Zk.config();
+        config.supervision.timeouts.rc = Duration::from_secs(5);
+        let mut scenario = Scenario::ready(Ecu::Zk, config);
+        if handed_over {
+            scenario.command(Command::HandOverToPwm).unwrap();
+        }
+        // A gap in a start ends it.
+        scenario.silent().pass_us(200_000).reports(Reports::Standby);
+        assert_eq!(scenario.wire(), Wire::Standby);
+        scenario.pass_us(2 * SECOND);
+        let again = if handed_over { Err(Rejected::StandbyFirst) } else { Ok(Accepted::InForce) };
+        assert_eq!(scenario.would_answer(Command::HandOverToPwm), again);
+        assert_eq!(scenario.would_answer(run(0)), again);
     }
 }
 

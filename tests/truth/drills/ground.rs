@@ -208,6 +208,8 @@ impl Director {
                 Step::Wait(rng.between(60, 200) * MS),
                 fault(Fault::CutToNode, (6 * self.rules.period).max(200 * MS)),
                 Step::Wait((7 * self.rules.period).max(250 * MS)),
+                // Until the link is stable again, if the source is not lost by then.
+                Step::Wait(if self.age() > 1800 * MS { 1150 * MS } else { 0 }),
                 if rng.percent(50) { hand_over } else { once(self.main, IDLE) },
             ],
         });
