@@ -34,9 +34,10 @@ fn one_error_set_does_not_show_combustion() {
         };
         assert!(!story(41.06, &unreadable));
     }
-    // A set that was received in part is none.
-    let later = |h: &mut History| h.mute = Spans::from(&[(40 * SECOND, 41_040 * MS)]);
-    assert!(story(41.185, &later) && !story(41.31, &later));
+    // A set that was received in part is none (133); one that began in the same instant counts (171).
+    let from = |at: u64| move |h: &mut History| h.mute = Spans::from(&[(40 * SECOND, at * MS)]);
+    assert!(story(41.185, &from(41_040)) && !story(41.31, &from(41_040)));
+    assert!(story(41.06, &from(41_026)) && !story(41.185, &from(41_026)));
 }
 
 #[test]
