@@ -130,7 +130,8 @@ impl Case<'_> {
         let faults: Vec<(u64, u64)> = self.faults.at_least(4 * period).iter().collect();
         for (from, to) in faults {
             let since = from.saturating_sub(2 * SECOND);
-            let shown = h.samples(to, h.end).iter().find(|sample| !sample.hidden);
+            // Error sets are answered as long as the exhaust burns.
+            let shown = h.samples(to, h.end).iter().find(|sample| !sample.hidden || sample.fault);
             let (first, last) =
                 (to + period + 60 * MS, shown.map_or(h.end, |sample| sample.at).saturating_sub(60 * MS));
             let disturbed = [&self.blind, &self.down, &h.noise, &h.garbled, &self.stopped, &h.pwm];

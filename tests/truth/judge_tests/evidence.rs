@@ -97,6 +97,12 @@ fn a_state_other_than_running_gets_no_run_when_faults_clear() {
     };
     assert!(story(41.0, 40.2).finds(Rule::Doubt) && !story(41.0, 41.0).finds(Rule::Doubt));
     assert!(!story(40.0, 40.0).finds(Rule::Doubt));
+    // Nor do error sets that follow: the exhaust burns (1000194).
+    let again = story(42.0, 41.0).with(|h| {
+        let faulty = 40_900 * MS..42 * SECOND;
+        h.samples.iter_mut().for_each(|sample| sample.fault |= faulty.contains(&sample.at));
+    });
+    assert!(!again.finds(Rule::Doubt) && story(42.0, 41.0).finds(Rule::Doubt));
     // With a single fault the engine was in no doubt.
     let moment = story(41.0, 40.2).with(|h| {
         h.samples.iter_mut().for_each(|sample| sample.fault &= sample.at >= 39_800 * MS);
