@@ -53,9 +53,10 @@ impl Case<'_> {
     /// node.
     fn set_after(&self, from: u64, more: usize) -> Option<u64> {
         let h = self.h;
-        // It has six bytes, and a reply five. One that began in the same instant counts as whole.
-        let long = h.rules.frame * 6 / 5;
-        let first = h.sets.partition_point(|set| *set + 2 * MS < from + long);
+        // It has six bytes, and a reply five. One whose first byte is on its way counts as whole.
+        let byte = h.rules.frame / 5;
+        let long = 6 * byte;
+        let first = h.sets.partition_point(|set| *set + byte + MS < from + long);
         // Those that no ECU sent are on the line first, where it was idle.
         let mut forged = h.forged.iter().filter(|forged| (from..from + h.rules.period).contains(*forged));
         let begins = h.sets.get(first).map(|set| set.saturating_sub(long));
