@@ -220,11 +220,14 @@ impl Case<'_> {
         let since = from_us.saturating_sub(4 * SECOND);
         let until = at + 1700 * MS;
         let other_state = h.samples(since, until).iter().any(|sample| sample.hidden);
-        // After the third reset without a source it has none.
-        let resets = h.resets.iter().filter(|reset| (from_us..until).contains(&reset.down)).count();
+        // After the third reset without a source it has none, nor without an order in memory.
+        let resets = h.resets.iter().filter(|reset| (from_us..until).contains(&reset.down));
+        let forgets = resets.clone().any(|reset| reset.cause != Cause::Watchdog);
+        let resets = resets.count();
         if other_state
             || until > to_us
             || resets > 2
+            || forgets
             || hidden.iter().any(|spans| spans.touches(since, at))
             || self.reduced(at)
         {

@@ -520,6 +520,9 @@ fn a_late_doubt_has_time_to_be_confirmed() {
         |story: Story| story.judged().findings.iter().any(|found| found.text.contains("at once, and"));
     assert!(at_once(story(60.0, 60.5, false)) && !at_once(story(60.0, 62.0, false)));
     assert!(!at_once(story(60.0, 60.95, true)) && !at_once(story(48.0, 48.5, false)));
+    // Nor does a node that has lost its order with its power wait (899002338).
+    let forgets = |h: &mut History| h.resets[0].cause = Cause::BrownOut;
+    assert!(!at_once(story(60.0, 60.5, false).with(forgets)));
     // A configured standby does not wait.
     let configured = story(60.0, 60.5, false).with(|h| h.rules.standby_after = Some(3 * SECOND));
     assert!(!at_once(configured));
