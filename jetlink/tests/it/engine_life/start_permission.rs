@@ -56,6 +56,26 @@ fn a_refused_start_does_not_happen_later() {
     }
 }
 
+/// A run of a source that is not in control uses its permission up: it starts nothing once the source above falls silent.
+#[test]
+fn a_run_behind_another_source_uses_the_permission_up() {
+    for ecu in BOTH {
+        for behind in [false, true] {
+            let mut scenario = Scenario::ready(ecu, ecu.config());
+            scenario.command(Command::Standby).unwrap();
+            scenario.command_from(Command::Standby, Origin::Mavlink).unwrap();
+            if behind {
+                scenario.command_from(run(0), Origin::Mavlink).unwrap();
+            }
+            let continues = if behind { run(0) } else { Command::Standby };
+            scenario.fly_us(continues, Origin::Mavlink, 4 * SECOND);
+            assert_eq!((scenario.order(), scenario.wire()), (Order::Standby, Wire::Standby));
+            let starts = if behind { Err(Rejected::StandbyFirst) } else { Ok(Accepted::InForce) };
+            assert_eq!(scenario.command_from(run(0), Origin::Mavlink), starts, "{ecu:?}");
+        }
+    }
+}
+
 /// Events that use up a permission, and events that do not.
 #[test]
 fn a_permission_is_used_up_as_documented() {
