@@ -8,6 +8,9 @@ use sim::any::AnyEcu;
 use sim::turbine::{EgtSensor, Phase};
 use sim::wire::{Babble, Direction, Faults, FramingAs, Plug};
 
+/// Share of damaged bytes with which no frame of six arrives as a whole, although the node finds where many of them begin, per million.
+pub const NO_FRAME: u32 = 800_000;
+
 /// One disturbance.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Fault {
@@ -394,9 +397,6 @@ fn end(fault: Fault, plug: &Plug<AnyEcu>) {
         | Fault::OddFrame(_) => {}
     }
 }
-
-/// Share of damaged bytes with which no frame of six arrives as a whole, although the node finds where many of them begin, per million.
-const NO_FRAME: u32 = 800_000;
 
 pub fn write_down(history: &mut History, fault: Fault, from_us: u64, to_us: u64) {
     // One that began earlier may end later.

@@ -11,6 +11,8 @@ use sim::turbine::Phase;
 pub const MS: u64 = 1_000;
 /// A second.
 pub const SECOND: u64 = 1_000_000;
+/// The longest time for which a start waits for another engine.
+pub const START_WAIT_MAX: u64 = 180 * SECOND;
 
 /// Demand: throttle in 0.1 %, or shaft speed in rpm.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -130,6 +132,11 @@ impl Sent {
             Self::Full(switch, _) | Self::Mode(Some(switch), _) => Some(switch),
             _ => None,
         }
+    }
+
+    /// Whether it has standby or stop.
+    pub const fn ends_a_run(self) -> bool {
+        matches!(self.switch(), Some(Switch::Standby | Switch::Stop))
     }
 
     /// The demand in it, for a running engine.

@@ -168,6 +168,11 @@ impl Story {
         self.judged().rules().contains(&rule)
     }
 
+    /// Whether a finding has this text.
+    fn says(self, text: &str) -> bool {
+        self.judged().findings.iter().any(|found| found.text.contains(text))
+    }
+
     fn judged(mut self) -> Verdict {
         let h = &mut self.0;
         h.commanded.sort_by_key(|commanded| commanded.at);
@@ -196,6 +201,12 @@ impl Story {
     fn passes(self) {
         self.breaks(&[]);
     }
+}
+
+/// Nothing of the ECU arrives undamaged from one instant to another.
+fn damage(h: &mut History, from_us: u64, to_us: u64) {
+    h.noise = Spans::from(&[(from_us, to_us)]);
+    h.ruined = h.noise.clone();
 }
 
 fn micros(seconds: f64) -> u64 {

@@ -1,6 +1,6 @@
 //! Drills in flight in which one fault occurs within another.
 
-use super::{Condition, Director, Step, beside, fault, once, silent, stream, throttle};
+use super::{Condition, Director, Step, beside, fault, once, resets_apart, silent, stream, throttle};
 use crate::ecus::Odd;
 use crate::faults::Fault;
 use crate::history::{Cause, MS, PilotCommand, SECOND};
@@ -159,7 +159,7 @@ impl Director {
 
     fn cut_and_reset_in_a_silence(&self, rng: &mut Rng) -> Vec<Step> {
         let last = self.rules.standby_after.unwrap_or(10 * SECOND);
-        let all = self.to_hold_end() + 1000 * SECOND / u64::from(self.rules.ramp);
+        let all = self.to_ramp_end();
         let cut = match self.traits().serial_delay {
             true => self.rules.serial_delay + rng.between(300, 2500) * MS,
             false => rng.spread(300 * MS, 6 * SECOND),
@@ -234,7 +234,7 @@ impl Director {
         // An AMT engine does not outlive many of them.
         let most = if self.traits().serial_delay { 8 } else { 24 };
         let count = ((last + 4 * SECOND) / (runs + 80 * MS)).min(most);
-        let resets = (0..count).flat_map(|_| [Step::Reset(Cause::Watchdog, 20 * MS), Step::Wait(runs)]);
+        let resets = resets_apart(count, runs);
         // Those that standby ends if it does not get back in control take the resets.
         let once = self.rules.standby_after.is_none() && rng.percent(60);
         let lost = rng.spread(300 * MS, if once { 3 * SECOND } else { SECOND });
@@ -248,7 +248,7 @@ impl Director {
                 back,
                 Step::Wait(2 * SECOND),
             ],
-            false => [vec![back], resets.collect()].concat(),
+            false => [vec![back], resets].concat(),
         };
         [lost, rest, vec![Step::Wait(3 * SECOND)]].concat()
     }

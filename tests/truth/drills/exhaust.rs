@@ -23,9 +23,9 @@ impl Director {
         match rng.below(14) {
             // The ECU says itself that it is wrong.
             0 => vec![error(true, 8), a_while, sensor(EgtSensor::Cold, 6000), reset, rest],
-            1 => {
+            which @ (1 | 4) => {
                 let length = self.outlived(rng.between(900, 2500) * MS);
-                vec![error(true, 8), a_while, fault(Fault::CutToNode, length), Step::Wait(length), rest]
+                vec![error(which == 1, 8), a_while, fault(Fault::CutToNode, length), Step::Wait(length), rest]
             }
             2 => vec![error(false, 8), a_while, sensor(EgtSensor::Cold, 2500), rest],
             3 => {
@@ -37,10 +37,6 @@ impl Director {
                     sensor(EgtSensor::Cold, 2500),
                     rest,
                 ]
-            }
-            4 => {
-                let length = self.outlived(rng.between(900, 2500) * MS);
-                vec![error(false, 8), a_while, fault(Fault::CutToNode, length), Step::Wait(length), rest]
             }
             5 => vec![error(false, 8), a_while, reset, rest],
             6 => vec![error(false, 10), sensor(broken, 8000), a_while, reset, rest, rest],

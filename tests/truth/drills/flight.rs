@@ -1,9 +1,11 @@
 //! Drills in flight.
 
-use super::{Condition, Director, IDLE, Step, beside, fault, once, silent, stream, throttle};
+use super::{
+    Condition, Director, IDLE, Step, beside, fault, goes_dark, once, resets_apart, silent, stream, throttle,
+};
 use crate::acts::Act;
 use crate::ecus::Odd;
-use crate::faults::Fault;
+use crate::faults::{Fault, NO_FRAME};
 use crate::history::{Cause, Demanded, MS, PilotCommand, SECOND};
 use crate::pilots::Rng;
 use sim::turbine::EgtSensor;
@@ -14,10 +16,7 @@ impl Director {
         if self.in_a_group && rng.percent(40) {
             // The effect shows at the other engines.
             if rng.percent(20) {
-                // Nor can its ECU light it again.
-                let dark = [fault(Fault::NoLight(true), MS), fault(Fault::FlameOut, MS)];
-                let ends = [Step::Wait(rng.between(10, 25) * SECOND), fault(Fault::NoLight(false), MS)];
-                return ("an engine goes out for good", [dark, ends].concat());
+                return ("an engine goes out for good", goes_dark(rng.between(10, 25) * SECOND));
             }
             let length = rng.between(4, 14) * SECOND;
             let wire = rng.pick(&[Fault::FlameOut, Fault::FlameOut, Fault::CutToNode]);
@@ -57,12 +56,7 @@ impl Director {
             68..74 => ("the stick", self.sticks(rng)),
             74..82 => ("a stop", self.stop(rng)),
             82..85 if traits.ctf => ("CTF", self.ctf(rng)),
-            82 if traits.rounds => {
-                // Nor can its ECU light it again, if it does that.
-                let dark = vec![fault(Fault::NoLight(true), MS), fault(Fault::FlameOut, MS)];
-                let ends = vec![Step::Wait(rng.between(8, 20) * SECOND), fault(Fault::NoLight(false), MS)];
-                ("the flame goes out for good", [dark, ends].concat())
-            }
+            82 if traits.rounds => ("the flame goes out for good", goes_dark(rng.between(8, 20) * SECOND)),
             82..88 => ("odd frames", self.odd_frames(rng)),
             88..92 => ("the transmitter hangs", self.stall(rng)),
             92..95 => ("present", self.present(rng)),
@@ -108,7 +102,7 @@ impl Director {
         let (what, length) = match rng.below(8) {
             0..3 => (Fault::Framing(rng.pick(&[100_000, 500_000])), rng.spread(patience, 9500 * MS)),
             3 => (Fault::Damage(true, false), rng.spread(SECOND, 9500 * MS)),
-            4 if rng.percent(50) => (Fault::Framing(800_000), rng.between(12, 18) * SECOND),
+            4 if rng.percent(50) => (Fault::Framing(NO_FRAME), rng.between(12, 18) * SECOND),
             4 => (Fault::Damage(true, false), rng.between(12, 18) * SECOND),
             5 | 6 => (Fault::Babble, self.outlived(rng.spread(400 * MS, 8 * SECOND))),
             _ => (Fault::Damage(false, true), patience * rng.between(50, 88) / 100),
@@ -129,7 +123,7 @@ impl Director {
             ]);
         }
         let last = self.rules.standby_after.unwrap_or(10 * SECOND);
-        let all = self.to_hold_end() + 1000 * SECOND / u64::from(self.rules.ramp);
+        let all = self.to_ramp_end();
         let length = match rng.below(6) {
             0 => self.age() * rng.between(60, 130) / 100,
             1 => self.age() + self.rules.return_within * rng.between(30, 90) / 100,
@@ -151,9 +145,7 @@ impl Director {
                 rng.pick(&[Cause::Watchdog, Cause::Watchdog, Cause::BrownOut, Cause::PowerOn]),
                 rng.spread(5 * MS, 300 * MS),
             )],
-            3 => (0..rng.between(2, 6))
-                .flat_map(|_| [Step::Reset(Cause::Watchdog, 20 * MS), Step::Wait(1100 * MS)])
-                .collect(),
+            3 => resets_apart(rng.between(2, 6), 1100 * MS),
             4 => self.lower(rng).map_or(Vec::new(), |lower| vec![stream(lower, self.another(rng))]),
             5 => self.lower(rng).map_or(Vec::new(), |lower| vec![stream(lower, PilotCommand::Standby)]),
             6 => vec![stream(self.main, PilotCommand::Nothing)],
@@ -412,7 +404,7 @@ impl Director {
 
     /// The source is present but commands nothing.
     fn present(&self, rng: &mut Rng) -> Vec<Step> {
-        let lasts = self.to_hold_end() + 1000 * SECOND / u64::from(self.rules.ramp) + 3 * SECOND;
+        let lasts = self.to_ramp_end() + 3 * SECOND;
         vec![stream(self.main, PilotCommand::Nothing), Step::Wait(lasts * rng.between(20, 110) / 100)]
     }
 

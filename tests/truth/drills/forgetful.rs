@@ -1,8 +1,8 @@
 //! Drills in flight of a node that is reset, and receives little before it has to act.
 
-use super::{Director, Step, fault, once, silent, stream, throttle};
+use super::{Director, Step, fault, once, resets_apart, silent, stream, throttle};
 use crate::ecus::Odd;
-use crate::faults::Fault;
+use crate::faults::{Fault, NO_FRAME};
 use crate::history::{Cause, Demanded, MS, PilotCommand, SECOND};
 use crate::pilots::Rng;
 
@@ -57,7 +57,7 @@ impl Director {
         vec![
             fault(Fault::CutToNode, length),
             Step::Wait(length),
-            fault(Fault::Framing(800_000), damaged.min(2 * SECOND)),
+            fault(Fault::Framing(NO_FRAME), damaged.min(2 * SECOND)),
             Step::Wait(4 * SECOND),
         ]
     }
@@ -66,23 +66,21 @@ impl Director {
     fn loops(&self, rng: &mut Rng) -> Vec<Step> {
         let runs = rng.spread(20 * MS, 200 * MS);
         let count = 14 * SECOND / (runs + 100 * MS);
-        let resets = (0..count).flat_map(|_| [Step::Reset(Cause::Watchdog, 20 * MS), Step::Wait(runs)]);
-        let begins = [stream(self.main, throttle(1000)), Step::Wait(4 * SECOND), silent(self.main)];
-        [begins.to_vec(), resets.collect()].concat()
+        let begins = vec![stream(self.main, throttle(1000)), Step::Wait(4 * SECOND), silent(self.main)];
+        [begins, resets_apart(count, runs)].concat()
     }
 
     /// The third of them without a source, and those after it, bring the fail-safe at once.
     fn quick_resets(&self, rng: &mut Rng) -> Vec<Step> {
         let runs = rng.between(150, 350) * MS;
-        let resets =
-            (0..rng.between(4, 5)).flat_map(|_| [Step::Reset(Cause::Watchdog, 20 * MS), Step::Wait(runs)]);
-        let begins = [stream(self.main, throttle(1000)), Step::Wait(6 * SECOND), silent(self.main)];
-        [begins.to_vec(), resets.collect(), vec![Step::Wait(3 * SECOND)]].concat()
+        let resets = resets_apart(rng.between(4, 5), runs);
+        let begins = vec![stream(self.main, throttle(1000)), Step::Wait(6 * SECOND), silent(self.main)];
+        [begins, resets, vec![Step::Wait(3 * SECOND)]].concat()
     }
 
     /// At the fail-safe throttle for a while, with all sources silent: a doubt has time to be confirmed.
     fn late_doubt(&self, rng: &mut Rng) -> Vec<Step> {
-        let stages = self.to_hold_end() + 1000 * SECOND / u64::from(self.rules.ramp);
+        let stages = self.to_ramp_end();
         let doubt = match rng.below(3) {
             0 => fault(Fault::OddFrame(Odd::AtRest), MS),
             1 => fault(Fault::CutToNode, (4 * self.rules.period).max(200 * MS)),

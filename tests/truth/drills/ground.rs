@@ -3,14 +3,12 @@
 use super::{Condition, Director, IDLE, OPEN_PUMP, Step, beside, fault, once, silent, stream, throttle};
 use crate::acts::Act;
 use crate::faults::Fault;
-use crate::history::{Cause, Demanded, MS, PilotCommand, SECOND};
+use crate::history::{Cause, Demanded, MS, PilotCommand, SECOND, START_WAIT_MAX};
 use crate::pilots::Rng;
 use sim::turbine::EgtSensor;
 
 /// Engines of a node that start together do so at multiples of this time.
 const TOGETHER: u64 = 40 * SECOND;
-/// For how long a start waits at most.
-const LONGEST_WAIT: u64 = 180 * SECOND;
 
 impl Director {
     /// Drills with a ready engine, before its start.
@@ -297,7 +295,7 @@ impl Director {
     fn start_together(&self, rng: &mut Rng, runs: Vec<Step>) -> Vec<Step> {
         let begin =
             vec![Step::Next(TOGETHER), stream(self.main, IDLE), Step::Wait(rng.spread(100 * MS, 6 * SECOND))];
-        if self.rules.start_gap > LONGEST_WAIT {
+        if self.rules.start_gap > START_WAIT_MAX {
             return [begin, vec![Step::Wait(self.rules.start_gap + 10 * SECOND)], runs].concat();
         }
         let other = rng.below(4) as usize;

@@ -85,6 +85,21 @@ fn throttle(tenths: u32) -> PilotCommand {
     PilotCommand::Run(Demanded::Throttle(tenths))
 }
 
+/// Resets by the watchdog, one after the other, with this time between them.
+fn resets_apart(count: u64, runs: u64) -> Vec<Step> {
+    [Step::Reset(Cause::Watchdog, 20 * MS), Step::Wait(runs)].repeat(count as usize)
+}
+
+/// The flame goes out, and cannot be lit again for this time.
+fn goes_dark(lasts: u64) -> Vec<Step> {
+    vec![
+        fault(Fault::NoLight(true), MS),
+        fault(Fault::FlameOut, MS),
+        Step::Wait(lasts),
+        fault(Fault::NoLight(false), MS),
+    ]
+}
+
 const OPEN_PUMP: PilotCommand = PilotCommand::Service(12);
 const IDLE: PilotCommand = PilotCommand::Run(Demanded::Throttle(0));
 
@@ -138,6 +153,11 @@ impl Director {
     /// From the last command of the source that flies to the end of the hold.
     const fn to_hold_end(&self) -> u64 {
         self.age() + self.rules.hold
+    }
+
+    /// The same, to the end of the ramp.
+    fn to_ramp_end(&self) -> u64 {
+        self.to_hold_end() + 1000 * SECOND / u64::from(self.rules.ramp)
     }
 
     fn lower(&self, rng: &mut Rng) -> Option<usize> {

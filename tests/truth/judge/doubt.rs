@@ -2,7 +2,7 @@
 //! may be sent.
 
 use super::case::{Case, Rule, seconds};
-use crate::history::{Cause, Demanded, Frame, MS, PilotCommand, Reset, SECOND, Sent, Spans, Switch};
+use crate::history::{Cause, Demanded, Frame, MS, PilotCommand, SECOND, Sent, Spans, Switch};
 
 /// Time for which damaged frames count as frames.
 const DAMAGED_MAX: u64 = 10 * SECOND;
@@ -28,31 +28,30 @@ impl Case<'_> {
         let gaps = self.gaps();
         // Damaged frames do not confirm anything either.
         let readable = |to| h.ruined.last_before(to + MS).map_or(to, |(_, end)| end.max(to));
-        let gaps =
+        let lost =
             gaps.iter().map(|(from, to)| (from + self.gap_from(from), readable(to) + given_up(from, to)));
-        let spans: Vec<_> = gaps.chain(damaged).map(|(from, to)| (from, to + confirms)).collect();
+        let lost = lost.chain(damaged).map(|(from, to)| (from, to + confirms));
         // After a reset, too.
         let resets = h.resets.iter().map(|reset| (reset.up, reset.up + confirms));
-        let by_exhaust = self.gaps();
-        let by_exhaust = by_exhaust.iter().map(|(_, to)| to).chain(h.resets.iter().map(|reset| reset.up));
-        let by_exhaust = by_exhaust.filter_map(|from| Some((from, self.second_error_set(from)?)));
-        let first_sets = self.gaps();
-        let first_sets = first_sets.iter().map(|(_, to)| (to, 0));
-        let forgets = |reset: &&Reset| reset.cause == Cause::PowerOn;
+        let ups = h.resets.iter().map(|reset| reset.up);
+        let errors = gaps.iter().map(|(_, to)| to).chain(ups);
+        let errors = errors.filter_map(|from| Some((from, self.second_error_set(from)?)));
+        // Without a memory two sets have to agree.
+        let forgets = h.resets.iter().filter(|reset| reset.cause == Cause::PowerOn).map(|reset| reset.up);
         let receives = |up: u64| self.blind.last_before(up + MS).map_or(up, |(_, to)| to.max(up));
-        let first_sets =
-            first_sets.chain(h.resets.iter().filter(forgets).map(|reset| (receives(reset.up), 1)));
-        let first_sets = first_sets.filter_map(|(from, more)| Some((from, self.set_after(from, more)?)));
-        Spans::from(&spans)
-            .union(&Spans::from(&first_sets.collect::<Vec<_>>()))
-            .union(&Spans::from(&resets.collect::<Vec<_>>()))
-            .union(&Spans::from(&by_exhaust.collect::<Vec<_>>()))
+        let sets = gaps.iter().map(|(_, to)| (to, 0)).chain(forgets.map(|up| (receives(up), 1)));
+        let sets = sets.filter_map(|(from, more)| Some((from, self.set_after(from, more)?)));
+        let all: [Vec<(u64, u64)>; 4] = [lost.collect(), resets.collect(), errors.collect(), sets.collect()];
+        all.iter().fold(Spans::default(), |all, spans| all.union(&Spans::from(spans)))
     }
 
     /// The first set since then that an AMT ECU sent as a whole, or one of those after it. Which other bytes form a set is up to the
     /// node.
     fn set_after(&self, from: u64, more: usize) -> Option<u64> {
         let h = self.h;
+        if !self.traits().replies_only {
+            return None;
+        }
         // It has six bytes, and a reply five. One whose first byte is on its way counts as whole.
         let byte = h.rules.frame / 5;
         let long = 6 * byte;
@@ -71,7 +70,7 @@ impl Case<'_> {
         let set = *h.sets.get(first + more)?;
         let odd =
             [&h.garbled, &h.framing].iter().any(|spans| spans.touches(from.saturating_sub(SECOND), set));
-        (self.traits().replies_only && !odd && set < from + 4 * h.rules.period).then_some(set)
+        (!odd && set < from + 4 * h.rules.period).then_some(set)
     }
 
     /// The second set since, if all of them are error sets with a temperature: one does not show whether there is combustion.
@@ -99,11 +98,9 @@ impl Case<'_> {
                 continue;
             }
             let from = doubts.last_before(at).map_or(at, |(from, _)| from);
-            // A frame that no ECU sent, or a start that was granted since.
-            let forged =
-                h.forged.iter().filter(|forged| (from.saturating_sub(2 * self.gap())..at).contains(*forged));
-            // One with a shaft at rest confirms nothing.
-            let forged = forged.clone().any(|forged| !h.slow.contains(forged));
+            // A frame that no ECU sent, or a start that was granted since. One with a shaft at rest confirms nothing.
+            let lately = from.saturating_sub(2 * self.gap())..at;
+            let forged = h.forged.iter().any(|forged| lately.contains(forged) && !h.slow.contains(forged));
             let started = h
                 .commanded(from, at)
                 .iter()
@@ -117,16 +114,15 @@ impl Case<'_> {
         }
         self.speed_in_doubt();
         self.slow_shaft();
-        self.unreadable_after_a_gap();
-        self.another_state_after_faults();
+        if self.traits().faults_hide_state {
+            self.unreadable_after_a_gap();
+            self.another_state_after_faults();
+        }
     }
 
     /// When the faults of an AMT ECU clear, it gets no run before a set says that the engine runs.
     fn another_state_after_faults(&mut self) {
         let h = self.h;
-        if !self.traits().faults_hide_state {
-            return;
-        }
         let period = h.rules.period;
         let faults: Vec<(u64, u64)> = self.faults.at_least(4 * period).iter().collect();
         for (from, to) in faults {
@@ -158,9 +154,6 @@ impl Case<'_> {
     /// was reset in the gap.
     fn unreadable_after_a_gap(&mut self) {
         let h = self.h;
-        if !self.traits().faults_hide_state {
-            return;
-        }
         let gaps: Vec<(u64, u64)> = self.blind.at_least(self.gap() + h.rules.period).iter().collect();
         for (from, to) in gaps {
             let since = from.saturating_sub(2 * SECOND);

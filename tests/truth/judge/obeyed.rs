@@ -2,7 +2,7 @@
 //! documented begins.
 
 use super::case::{Case, Rule, seconds};
-use crate::history::{Cause, Commanded, MS, PilotCommand, SECOND, Spans};
+use crate::history::{Cause, MS, PilotCommand, SECOND, Spans};
 use sim::turbine::Phase;
 
 /// Time from a command until the turbine is out, with every wire intact.
@@ -151,31 +151,27 @@ impl Case<'_> {
     /// The same, where a source that commands seldom, and is alone, commands standby twice within two of its own periods.
     fn slow_standbys(&self) -> Vec<u64> {
         let h = self.h;
-        let alone_for = 25 * SECOND;
         let mut ends = Vec::new();
-        for (index, second) in
-            h.commanded.iter().enumerate().filter(|(_, it)| it.command == PilotCommand::Standby)
-        {
-            let Some(commands) = index.checked_sub(2).and_then(|from| h.commanded.get(from..=index)) else {
-                continue;
-            };
-            let alone = h.commanded(second.at.saturating_sub(alone_for), second.at).iter();
-            let steady = |other: &Commanded| other.source == second.source && other.command.is_received();
-            let [third, first, _] = commands else { continue };
-            let period = first.at - third.at;
-            let is = |commanded: &Commanded, standby| (commanded.command == PilotCommand::Standby) == standby;
-            if alone.clone().count() > 4
-                && alone.clone().all(steady)
-                && is(first, true)
-                && is(third, false)
-                // Its run was in force until then.
-                && period < self.command_log.age(second.source) * 95 / 100
-                && second.at - first.at <= 2 * period
-                // For longer than a short gap, it was lost.
-                && second.at - first.at < self.command_log.age(second.source) + h.rules.return_within - 50 * MS
-                && !self.down.touches(second.at.saturating_sub(60 * SECOND), second.at)
+        for commands in h.commanded.windows(3) {
+            let (third, first, second) = (&commands[0], &commands[1], &commands[2]);
+            let (at, source) = (second.at, second.source);
+            let (period, apart) = (first.at - third.at, at - first.at);
+            let standbys = [third, first, second].map(|it| it.command == PilotCommand::Standby);
+            // Its run was in force until then, and it was not lost for longer than a short gap.
+            let age = self.command_log.age(source);
+            let seldom = period < age * 95 / 100
+                && apart <= 2 * period
+                && apart < age + h.rules.return_within - 50 * MS;
+            if standbys != [false, true, true]
+                || !seldom
+                || self.down.touches(at.saturating_sub(60 * SECOND), at)
             {
-                ends.push(second.at + OBEYS);
+                continue;
+            }
+            let lately = h.commanded(at.saturating_sub(25 * SECOND), at);
+            let alone = lately.iter().all(|other| other.source == source && other.command.is_received());
+            if alone && lately.len() > 4 {
+                ends.push(at + OBEYS);
             }
         }
         ends

@@ -142,8 +142,7 @@ impl Case<'_> {
             while at < to {
                 let since = at - within;
                 let frames = h.frames_within(since, at);
-                let ordered = |of: &Frame| matches!(of.sent.switch(), Some(Switch::Standby | Switch::Stop));
-                let quiet = frames.iter().all(|frame| ordered(frame) && frame.arrived)
+                let quiet = frames.iter().all(|frame| frame.sent.ends_a_run() && frame.arrived)
                     && frames.len() as u64 > within / h.rules.period / 2;
                 let known = ![&self.blind, &self.faults, &self.hidden, &h.deaf]
                     .iter()

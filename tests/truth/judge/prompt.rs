@@ -22,10 +22,12 @@ impl Case<'_> {
         if traits.ctf {
             self.ctf_is_sent();
         }
+        if traits.faults_hide_state {
+            self.rises_while_it_burns();
+        }
         if traits.replies_only {
             self.replies_in_time();
             self.rises_when_confirmed();
-            self.rises_while_it_burns();
         } else {
             self.damage_is_not_a_gap();
         }
@@ -130,9 +132,6 @@ impl Case<'_> {
     /// With error sets only, a demand does not rise while the exhaust cools, faster than a report's steps of 4.6 °C hide.
     fn rises_while_it_burns(&mut self) {
         let h = self.h;
-        if !self.traits().faults_hide_state {
-            return;
-        }
         let egt = |at: u64| h.sample(at).map_or(0.0, |sample| sample.egt);
         let cools = |at: u64| {
             let [last, middle, first] = [200, 1400, 2600].map(|before| egt(at - before * MS));

@@ -1,8 +1,8 @@
 //! With all sources silent, an engine is at its fail-safe or stopped by a defined instant.
 
-use super::case::{Case, Rule, seconds};
+use super::case::{Case, Rule, is_above_fail_safe, seconds};
 use super::control::{silences, to_fail_safe};
-use crate::history::{Cause, Demanded, Frame, MS, PilotCommand, Reset, SECOND, Sent, Switch};
+use crate::history::{Cause, Demanded, MS, PilotCommand, Reset, SECOND, Sent};
 use sim::turbine::Phase;
 
 /// Time from a new demand to the turbine's speed.
@@ -188,13 +188,10 @@ impl Case<'_> {
                 continue;
             }
             self.verdict.count("third resets without a source", 1);
-            let high = |demanded| match demanded {
-                Demanded::Throttle(_) => self.share(demanded) > f64::from(rules.fail_safe) + STEP,
-                Demanded::Rpm(rpm) => f64::from(rpm) > rules.idle_rpm + 0.01 * rules.max_rpm,
-            };
             let mut sent = h.frames_within(last.up, until).iter();
-            let found =
-                sent.find_map(|frame| Some((frame.at, frame.sent.demand().filter(|sent| high(*sent))?)));
+            let found = sent.find_map(|frame| {
+                Some((frame.at, frame.sent.demand().filter(|sent| is_above_fail_safe(h, *sent))?))
+            });
             if let Some((at, sent)) = found {
                 let text =
                     format!("{sent} after the fourth reset since {} without a source", seconds(first.down));
@@ -234,8 +231,7 @@ impl Case<'_> {
             return;
         }
         self.verdict.count("late doubts", 1);
-        let stops = |frame: &&Frame| matches!(frame.sent.switch(), Some(Switch::Standby | Switch::Stop));
-        if let Some(frame) = h.frames_within(at, until).iter().find(stops) {
+        if let Some(frame) = h.frames_within(at, until).iter().find(|frame| frame.sent.ends_a_run()) {
             let text =
                 format!("{} at once, and the engine is in doubt since {} only", frame.sent, seconds(at));
             self.verdict.finding(Rule::ShutDown, frame.at, text);
@@ -273,8 +269,7 @@ impl Case<'_> {
             }
             self.verdict.count("standbys in doubt", 1);
             let frames = h.frames_within(due, until);
-            let stops = |frame: &&Frame| matches!(frame.sent.switch(), Some(Switch::Standby | Switch::Stop));
-            if frames.iter().find(stops).is_none() {
+            if !frames.iter().any(|frame| frame.sent.ends_a_run()) {
                 let text = format!(
                     "no standby, nothing received of the engine since {}, all sources silent since {}",
                     seconds(begins),
@@ -302,9 +297,9 @@ impl Case<'_> {
     fn obeys_more(&self, at: u64) -> bool {
         let h = self.h;
         let before = h.frames[..h.frames.partition_point(|frame| frame.at < at)].iter().rev();
-        let ends = |sent: Sent| matches!(sent.switch(), Some(Switch::Standby | Switch::Stop));
         let last = before.filter(|frame| frame.arrived).map(|frame| frame.sent);
-        let last = last.filter(|sent| sent.demand().is_some() || ends(*sent)).take(1).find_map(Sent::demand);
+        let last =
+            last.filter(|sent| sent.demand().is_some() || sent.ends_a_run()).take(1).find_map(Sent::demand);
         match last {
             Some(Demanded::Throttle(tenths)) => tenths > h.rules.fail_safe + 6,
             Some(Demanded::Rpm(rpm)) => f64::from(rpm) > h.rules.idle_rpm + 0.006 * h.rules.max_rpm,

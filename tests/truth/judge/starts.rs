@@ -2,7 +2,9 @@
 
 use super::case::{Case, Rule, seconds};
 use super::fuel::{CLOSE_PUMP, OPEN_PUMP};
-use crate::history::{Cause, Commanded, Frame, MS, Mark, PilotCommand, SECOND, Sample, Sent, Spans, Switch};
+use crate::history::{
+    Cause, Commanded, Frame, MS, Mark, PilotCommand, SECOND, START_WAIT_MAX, Sample, Sent, Spans, Switch,
+};
 use sim::turbine::Phase;
 use std::collections::BTreeMap;
 
@@ -10,8 +12,6 @@ use std::collections::BTreeMap;
 const LOWERED: u64 = 5 * SECOND;
 /// Time for which lower demands, one after the other, excuse a cold exhaust.
 const EXCUSED: u64 = 15 * SECOND;
-/// The longest time for which a start waits for another engine.
-const LONGEST_WAIT: u64 = 180 * SECOND;
 /// Time without a state after which an ECU is not known to be in standby.
 const STATE_IS_OLD: u64 = 3 * SECOND + 500 * MS;
 /// Time without a gap after which a lost source may be in control: other settings after a reset.
@@ -219,7 +219,7 @@ impl Case<'_> {
         if waited && self.behind(start.source, start.at, began.saturating_sub(slot)) {
             return who("waited, and a higher source was in control meanwhile");
         }
-        if began > start.at + LONGEST_WAIT + slot {
+        if began > start.at + START_WAIT_MAX + slot {
             return who("waited for longer than 180 s");
         }
         let stages = super::control::to_fail_safe(self.h)

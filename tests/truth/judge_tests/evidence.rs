@@ -47,8 +47,7 @@ fn damaged_frames_behind_a_gap_confirm_nothing() {
     let story = |again: f64| {
         flight(AMT, 60.0).with(move |h| {
             h.mute = Spans::from(&[(40 * SECOND, 41 * SECOND)]);
-            (h.ruined, h.noise) =
-                (Spans::from(&[(41 * SECOND, 42 * SECOND)]), Spans::from(&[(41 * SECOND, 42 * SECOND)]));
+            damage(h, 41 * SECOND, 42 * SECOND);
             h.frames.retain(|frame| !(40 * SECOND..micros(again)).contains(&frame.at));
         })
     };
@@ -124,9 +123,7 @@ fn a_demand_does_not_rise_while_the_exhaust_cools() {
             }
         })
     };
-    let rises = |story: Story| {
-        story.judged().findings.iter().any(|found| found.text.contains("an exhaust that cools"))
-    };
+    let rises = |story: Story| story.says("an exhaust that cools");
     assert!(rises(story(12.0, true)) && !rises(story(12.0, false)) && !rises(story(0.0, true)));
     // A lower demand explains it for 5 s.
     let lowered = |at: u64| {
@@ -170,7 +167,7 @@ fn the_third_reset_without_a_source_brings_the_fail_safe() {
             },
         )
     };
-    let high = |story: Story| story.judged().findings.iter().any(|found| found.text.contains("fourth reset"));
+    let high = |story: Story| story.says("fourth reset");
     assert!(high(story(HALF, 300)) && !high(story(IDLE, 300)));
     // A source was received in between.
     assert!(!high(story(HALF, 300).once(PILOT, 40.5, PilotCommand::Run(Demanded::Throttle(500)))));

@@ -31,10 +31,7 @@ fn in_doubt_nothing_goes_out_that_could_start_an_engine() {
     // An AMT ECU reports in one set that it runs.
     story(AMT, 40.55).with(reset).passes();
     // Damaged frames count as frames for 10 s.
-    let damaged = |h: &mut History| {
-        (h.ruined, h.noise) =
-            (Spans::from(&[(40 * SECOND, 55 * SECOND)]), Spans::from(&[(40 * SECOND, 55 * SECOND)]));
-    };
+    let damaged = |h: &mut History| damage(h, 40 * SECOND, 55 * SECOND);
     let nothing = |from: f64| {
         move |h: &mut History| {
             h.frames.retain(|frame| !(micros(from)..micros(55.6)).contains(&frame.at));
@@ -516,8 +513,7 @@ fn a_late_doubt_has_time_to_be_confirmed() {
                 }
             })
     };
-    let at_once =
-        |story: Story| story.judged().findings.iter().any(|found| found.text.contains("at once, and"));
+    let at_once = |story: Story| story.says("at once, and");
     assert!(at_once(story(60.0, 60.5, false)) && !at_once(story(60.0, 62.0, false)));
     assert!(!at_once(story(60.0, 60.95, true)) && !at_once(story(48.0, 48.5, false)));
     // Nor does a node that has lost its order with its power wait (899002338).

@@ -63,12 +63,7 @@ fn a_wait_ends_behind_a_higher_source_after_its_time_and_without_a_state() {
     let behind = |until: f64| story(14.0).streams(0, 5.0, until, PilotCommand::Run(Demanded::Throttle(0)));
     assert!(lights(behind(9.0)) && !lights(behind(6.0)));
     assert!(lights(story(185.0)) && !lights(story(183.0)));
-    let damaged = |from: f64| {
-        story(14.0).with(move |h| {
-            (h.ruined, h.noise) =
-                (Spans::from(&[(micros(from), 14_500 * MS)]), Spans::from(&[(micros(from), 14_500 * MS)]));
-        })
-    };
+    let damaged = |from: f64| story(14.0).with(move |h| damage(h, micros(from), 14_500 * MS));
     assert!(lights(damaged(10.0)) && !lights(damaged(11.5)));
     // A limit of the supply prevents a start, too.
     let low = |limit: bool| {
