@@ -21,7 +21,9 @@ use jetlink::units::Hectopascals;
 use sim::any::AnyEcu;
 use sim::clock;
 use sim::wire::{Plug, Settings, WireRx, WireTx, connect_with};
+use std::cell::RefCell;
 use std::collections::VecDeque;
+use std::rc::Rc;
 
 /// The source of radio control, and that of MAVLink.
 const RC: usize = 1;
@@ -61,6 +63,8 @@ pub struct EngineContext {
     director: Option<Director>,
     valve: Valve,
     transmitter: Option<Transmitter>,
+    /// When its port was opened again.
+    pub reopened: Rc<RefCell<Vec<u64>>>,
     /// Until when its autopilot sends no outputs.
     pub outputs_silent_until: u64,
 }
@@ -122,9 +126,12 @@ impl EngineContext {
 
     /// With a director in place of pilots and random faults.
     pub fn drilled(rng: &mut Rng, setup: Setup, in_a_group: bool) -> (Self, (WireRx, WireTx)) {
-        let director = Director::new(rng, &setup.rules, in_a_group);
+        let mut director = Director::new(rng, &setup.rules, in_a_group);
         let seed = rng.next();
+        // In every second world the port of a transmitter that hangs can be opened again.
+        director.reopens = seed & 1 == 0;
         let (mut context, halves) = Self::new(setup, seed, Disturber::idle());
+        context.history.reopened = director.reopens.then(Vec::new);
         context.director = Some(director);
         (context, halves)
     }
@@ -154,6 +161,7 @@ impl EngineContext {
             director: None,
             valve: Valve::new(),
             transmitter: None,
+            reopened: Rc::default(),
             outputs_silent_until: 0,
             setup,
         };
@@ -207,6 +215,9 @@ impl EngineContext {
     /// Everything here except the node acts once.
     pub fn act(&mut self, rng: &mut Rng, owner: Option<&Owner<'_>>, receiver: Option<&mut Receiver<'_>>) {
         let at = now();
+        if let Some(reopened) = &mut self.history.reopened {
+            reopened.append(&mut self.reopened.borrow_mut());
+        }
         let starts = self.plug.ecu(|ecu| ecu.turbine().phase().is_starting());
         let seen = self.history.samples.last().is_some_and(|sample| sample.phase.is_starting());
         if at >= self.disturber.next() || starts && !seen {

@@ -410,8 +410,11 @@ pub fn write_down(history: &mut History, fault: Fault, from_us: u64, to_us: u64)
             add(&mut history.deaf);
         }
         Fault::Stall => {
-            // A reset of the chip frees the transmitter, but not one that hangs from the end of the reset on.
-            let freed = history.resets.iter().map(|reset| reset.up).find(|up| from_us < *up && *up < to_us);
+            // A reset of the chip frees the transmitter, but not one that hangs from the end of the reset on. So does a port that is
+            // opened again.
+            let resets = history.resets.iter().map(|reset| reset.up);
+            let freed = resets.chain(history.reopened.iter().flatten().copied());
+            let freed = freed.filter(|up| from_us < *up && *up < to_us).min();
             match freed {
                 Some(up) => history.deaf.push(from_us, up),
                 None => {
@@ -447,7 +450,7 @@ pub fn write_down(history: &mut History, fault: Fault, from_us: u64, to_us: u64)
         }
         Fault::OneWrongFrame | Fault::OddFrame(_) => {
             add(&mut history.noise);
-            if fault == Fault::OddFrame(Odd::SlowShaft) {
+            if matches!(fault, Fault::OddFrame(Odd::SlowShaft | Odd::RunsAtRest)) {
                 if history.slow.last() == Some(&from_us) {
                     history.jumps.push(from_us);
                 }

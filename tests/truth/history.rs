@@ -584,6 +584,8 @@ pub struct History {
     pub shares: Vec<(u64, u32)>,
     /// When a transmitter that had hung continued: frames in transit then are old.
     pub stalls: Vec<u64>,
+    /// When the node opened the port of one again; `None`: its driver cannot.
+    pub reopened: Option<Vec<u64>>,
     /// The protocol version of the ECU from each instant on; empty: as in the rules.
     pub versions: Vec<(u64, u8)>,
     /// The ECU's PWM input commands a running engine.
@@ -640,6 +642,7 @@ impl History {
             low_supply: Spans::default(),
             shares: Vec::new(),
             stalls: Vec::new(),
+            reopened: None,
             versions: Vec::new(),
             pwm: Spans::default(),
             pwm_signal: Spans::default(),

@@ -330,7 +330,19 @@ fn boot<const N: usize>(
         let errors = Rc::new(LineErrors::new());
         let counted = Rc::clone(&errors);
         context.plug.on_framing_error(move || counted.count(LineError::Framing));
-        tasks.push(Box::pin(clock::task(async move { runner.run(rx, tx, &errors).await })));
+        if context.history.reopened.is_none() {
+            tasks.push(Box::pin(clock::task(async move { runner.run(rx, tx, &errors).await })));
+            continue;
+        }
+        let (plug, reopened) = (context.plug.clone(), Rc::clone(&context.reopened));
+        tasks.push(Box::pin(clock::task(async move {
+            let mut halves = (rx, tx);
+            loop {
+                runner.run_until_stuck(halves.0, halves.1, &errors).await;
+                reopened.borrow_mut().push(now());
+                halves = plug.reset_node();
+            }
+        })));
     }
     let mut all = pin!(poll_all(&mut tasks));
     let mut blow = fate.next(rng);

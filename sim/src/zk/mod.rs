@@ -470,7 +470,8 @@ fn control(
         stats.control_losses += 1;
         session.held_off = true;
         session.error = error::CONTROL_LOST;
-    } else if turbine.trip() == Some(Trip::FlameOut)
+    } else if (turbine.trip() == Some(Trip::FlameOut)
+        || session.restarting && turbine.trip() == Some(Trip::NoLight))
         && switch == Some(Switch::Run)
         && !session.held_off
         && session.relights_left > 0

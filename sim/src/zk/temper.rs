@@ -11,8 +11,9 @@ pub struct ZkTemper {
     /// A start begins at any exhaust temperature and with a coasting shaft. Default `false`: the engine is cooled to
     /// [`COOL_EGT`](crate::turbine::COOL_EGT) first.
     pub starts_hot: bool,
-    /// Number of automatic relights in one run after a flame-out, reported as state 13 (restart) until the engine runs. A
-    /// start after a loss of power in flight is then also reported as state 13. Default 0: a flame-out is error 6.
+    /// Number of automatic relights in one run after a flame-out, and after a relight that does not light, reported as state 13
+    /// (restart) until the engine runs. A start after a loss of power in flight is then also reported as state 13. Default 0: a
+    /// flame-out is error 6.
     pub relights: u8,
     /// Service commands are also obeyed while the engine is cooled. Default `false`.
     pub services_while_cooling: bool,

@@ -56,7 +56,11 @@ impl Director {
             68..74 => ("the stick", self.sticks(rng)),
             74..82 => ("a stop", self.stop(rng)),
             82..85 if traits.ctf => ("CTF", self.ctf(rng)),
-            82 if traits.rounds => ("the flame goes out for good", goes_dark(rng.between(8, 20) * SECOND)),
+            82..86 if traits.rounds => {
+                // Until the time of a start is over, now and then.
+                let start = if rng.percent(60) { 40 * SECOND } else { 0 };
+                ("the flame goes out for good", goes_dark(start + rng.between(8, 20) * SECOND))
+            }
             82..88 => ("odd frames", self.odd_frames(rng)),
             88..92 => ("the transmitter hangs", self.stall(rng)),
             92..95 => ("present", self.present(rng)),
@@ -391,7 +395,12 @@ impl Director {
     }
 
     fn stall(&self, rng: &mut Rng) -> Vec<Step> {
-        let length = rng.spread(200 * MS, self.rules.gives_up_after * 8 / 10);
+        // One that costs an engine is a cut.
+        let outlived = self.rules.gives_up_after.saturating_sub(450 * MS);
+        let longest =
+            if self.rules.kind.continues_without_commands() { 6 * SECOND } else { outlived.min(6 * SECOND) };
+        let longest = if self.reopens { longest } else { longest.min(self.rules.gives_up_after * 8 / 10) };
+        let length = rng.spread(200 * MS, longest);
         vec![
             stream(self.main, throttle(rng.pick(&[0, 200]))),
             Step::Wait(4 * SECOND),

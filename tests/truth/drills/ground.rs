@@ -2,6 +2,7 @@
 
 use super::{Condition, Director, IDLE, OPEN_PUMP, Step, beside, fault, once, silent, stream, throttle};
 use crate::acts::Act;
+use crate::ecus::Odd;
 use crate::faults::Fault;
 use crate::history::{Cause, Demanded, MS, PilotCommand, SECOND, START_WAIT_MAX};
 use crate::pilots::Rng;
@@ -9,17 +10,25 @@ use sim::turbine::EgtSensor;
 
 /// Engines of a node that start together do so at multiples of this time.
 const TOGETHER: u64 = 40 * SECOND;
+/// Exhaust temperature, in °C, down to which an ECU cools its engine before it reports standby.
+const HOT_STANDBY: f64 = sim::turbine::COOL_EGT;
 
 impl Director {
     /// Drills with a ready engine, before its start.
     pub(super) fn at_rest(&self, rng: &mut Rng) -> (&'static str, Vec<Step>) {
         let sends_by_itself = self.rules.kind.sends_unprompted();
+        if rng.percent(6) {
+            return ("false reports of a running engine after a loss of power", self.false_reports(rng));
+        }
         match (rng.below(18), self.traits().services) {
             (10..13, true) if sends_by_itself => ("the pump, and nothing beside it", self.pump_alone(rng)),
             (10..14, true) if self.rules.supply_counts || self.rules.limit_supply.is_some() => {
                 ("a start with a low supply", self.low_supply(rng))
             }
             (10..18, _) => ("a start after a loss of power", self.start_after_a_loss_of_power(rng)),
+            (0..3, true) if self.rules.egt_max < HOT_STANDBY => {
+                ("services into a hot engine", self.hot_services(rng))
+            }
             (0..4, true) => ("the pump", self.pump(rng)),
             (4, true) => ("services", self.services(rng)),
             (5, true) if rng.percent(50) => ("PWM without a permission", self.pwm_without(rng)),
@@ -77,7 +86,7 @@ impl Director {
     fn pump_alone(&self, rng: &mut Rng) -> Vec<Step> {
         let begins = [silent(self.main), once(self.main, OPEN_PUMP), Step::Wait(rng.between(100, 250) * MS)];
         let mut steps = begins.to_vec();
-        steps.extend(match rng.below(11) {
+        steps.extend(match rng.below(16) {
             0 => vec![once(rng.below(4) as usize, PilotCommand::Stop)],
             1 => vec![once(rng.below(4) as usize, PilotCommand::Disarm)],
             2 => vec![Step::Wait(self.rules.ages[self.main] + self.rules.hold + 4 * SECOND)],
@@ -91,6 +100,20 @@ impl Director {
                 fault(rng.pick(&[Fault::CutToEcu, Fault::Stall]), rng.spread(60 * MS, 900 * MS)),
                 once(self.main, PilotCommand::Disarm),
             ],
+            // Its source still commands, so that nothing else closes it.
+            11 | 12 => vec![
+                stream(self.main, OPEN_PUMP),
+                Step::Wait(300 * MS),
+                once(rng.below(4) as usize, PilotCommand::Disarm),
+                Step::Wait(4 * SECOND),
+            ],
+            // None of the frames that would close it goes out.
+            13 | 14 => vec![
+                fault(Fault::Stall, rng.between(2000, 5000) * MS),
+                Step::Wait(100 * MS),
+                once(rng.below(4) as usize, PilotCommand::Disarm),
+                Step::Wait(8 * SECOND),
+            ],
             // Nothing is received of it, before and after.
             8 => vec![
                 fault(Fault::CutToNode, 8 * SECOND),
@@ -101,6 +124,38 @@ impl Director {
             _ => vec![stream(self.main, OPEN_PUMP), Step::Wait(self.rules.pump_bound + 5 * SECOND)],
         });
         steps.extend([Step::Wait(4 * SECOND), once(0, PilotCommand::Release)]);
+        [steps, self.again()].concat()
+    }
+
+    /// Its ECU reports standby, and it is too hot for any of them.
+    fn hot_services(&self, rng: &mut Rng) -> Vec<Step> {
+        let service = PilotCommand::Service(rng.pick(&[1, 2, 3, 4, 5, 12]));
+        let again = [once(self.main, service), Step::Wait(200 * MS)].repeat(15);
+        let flies = [
+            stream(self.main, IDLE),
+            Step::Until(Condition::Starts, 4 * SECOND),
+            Step::Until(Condition::Ends, 40 * SECOND),
+            Step::Wait(4 * SECOND),
+            stream(self.main, PilotCommand::Standby),
+            Step::Until(Condition::Out, 4 * SECOND),
+            Step::Until(Condition::InStandby, 100 * SECOND),
+        ];
+        [flies.to_vec(), again, vec![Step::Wait(4 * SECOND)], self.again()].concat()
+    }
+
+    /// A node without memory, and two reports of a running engine with a shaft at rest: no engine is found by them.
+    fn false_reports(&self, rng: &mut Rng) -> Vec<Step> {
+        let runs = fault(Fault::OddFrame(Odd::RunsAtRest), MS);
+        let length = rng.between(700, 1500) * MS;
+        let steps = vec![
+            silent(self.main),
+            fault(Fault::CutToNode, length),
+            Step::Reset(Cause::PowerOn, 20 * MS),
+            Step::Wait(length - 80 * MS),
+            runs,
+            runs,
+            Step::Wait(5 * SECOND),
+        ];
         [steps, self.again()].concat()
     }
 

@@ -114,6 +114,8 @@ pub struct Director {
     stick: Demanded,
     /// Flies by shaft speed, where the ECU or a governor holds one.
     by_rpm: bool,
+    /// The node opens the port of a transmitter that hangs again.
+    pub reopens: bool,
     /// Drills that still follow until the engine is shut down.
     left: u64,
     steps: VecDeque<Step>,
@@ -133,6 +135,7 @@ impl Director {
             main: rng.below(4) as usize,
             stick: Demanded::Throttle(0),
             by_rpm: rng.percent(30),
+            reopens: false,
             left: 0,
             steps: VecDeque::new(),
             waits: None,

@@ -90,7 +90,7 @@ impl WorldEcu for AmtEcu {
         let rpm = (self.turbine().rpm() / 500.0).clamp(0.0, 254.0) as u8;
         match odd {
             Odd::AtRest => vec![0xFF, 4, 0, 0, 0, 0],
-            Odd::SlowShaft => vec![0xFF, running, 0, 120, 0, 0],
+            Odd::SlowShaft | Odd::RunsAtRest => vec![0xFF, running, 0, 120, 0, 0],
             Odd::HotExhaust => vec![0xFF, running, rpm, 230, 0, 0],
             Odd::LaterVersion => Vec::new(),
         }
@@ -113,7 +113,11 @@ impl WorldConfig for AmtConfig {
         if let Some(in_flight) = &mut self.temper.in_flight {
             in_flight.every = 12_000_000_000;
         }
-        if rng.percent(40) {
+        if self.serial_delay <= 2_000_000_000 && rng.percent(40) {
+            // Its fault clears before any set can report it, and its start clearance lasts until it has given up.
+            (self.temper.trips_clear_after, self.temper.clearance) = (Some(0), 4_000_000_000);
+            self.temper.starts_hot = true;
+        } else if rng.percent(40) {
             node(engine).serial_delay = Duration::from_millis(2000);
             self.serial_delay = rng.pick(&[5, 20]) * 1_000_000_000;
         }

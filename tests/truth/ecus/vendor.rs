@@ -15,6 +15,8 @@ pub enum Odd {
     AtRest,
     /// A shaft at rest, in a frame that reports nothing else about the engine, or a running engine.
     SlowShaft,
+    /// A running engine whose shaft is at rest.
+    RunsAtRest,
     /// An exhaust temperature beyond every limit.
     HotExhaust,
     /// A later version of the protocol, where it has versions.

@@ -100,6 +100,8 @@ impl WorldEcu for ZkEcu {
             Odd::AtRest => vec![0xF1, 0, 0, 0, 0, 0],
             // The curves; they do not report the engine's state.
             Odd::SlowShaft => vec![0xF5, 0, 0, self.ignition_voltage(), self.curve(), self.curve()],
+            // The switch at run, and 120 °C.
+            Odd::RunsAtRest => vec![0xF1, 0, 0, sim::zk::state::RUNNING, 2 << 5, 120],
             // Its own state and switch at run, and 1000 °C (bits 10 to 8, and 7 to 0).
             Odd::HotExhaust => vec![0xF1, low, high, self.state(), 4 << 2 | 2 << 5, 26],
             Odd::LaterVersion => {
@@ -128,8 +130,8 @@ impl WorldConfig for ZkConfig {
     /// It may report standby while its pump is open, and try for long to light its engine again.
     fn for_drills(&mut self, rng: &mut Rng, _: &mut EcuConfig) {
         self.temper.standby_while_pump_is_open = rng.percent(50);
-        if self.temper.relights > 0 && rng.percent(50) {
-            self.temper.relights = 6;
+        if rng.percent(25) {
+            self.temper.relights = rng.pick(&[6, 200, 200]);
         }
     }
 

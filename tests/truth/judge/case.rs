@@ -285,7 +285,8 @@ impl<'a> Case<'a> {
     /// The times in which nothing leaves the node, because its transmitter hangs.
     pub fn stalled(&self) -> Spans {
         // A reset frees it, too.
-        let freed = |to| self.h.resets.iter().any(|reset| reset.up == to);
+        let opened = |to| self.h.reopened.iter().flatten().any(|up| *up == to);
+        let freed = |to| opened(to) || self.h.resets.iter().any(|reset| reset.up == to);
         let stalled = self.h.deaf.iter().filter(|(_, to)| self.h.stalls.contains(to) || freed(*to));
         Spans::from(&stalled.collect::<Vec<_>>())
     }

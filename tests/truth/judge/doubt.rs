@@ -2,7 +2,8 @@
 //! may be sent.
 
 use super::case::{Case, Rule, seconds};
-use crate::history::{Cause, Demanded, Frame, MS, PilotCommand, SECOND, Sent, Spans, Switch};
+use crate::history::{Cause, Demanded, Frame, MS, Mark, PilotCommand, SECOND, Sample, Sent, Spans, Switch};
+use sim::turbine::Phase;
 
 /// Time for which damaged frames count as frames.
 const DAMAGED_MAX: u64 = 10 * SECOND;
@@ -117,6 +118,7 @@ impl Case<'_> {
         if self.traits().faults_hide_state {
             self.unreadable_after_a_gap();
             self.another_state_after_faults();
+            self.started_after_faults();
         }
     }
 
@@ -144,6 +146,44 @@ impl Case<'_> {
                 let text = format!(
                     "run, and no set says that the engine runs since its faults at {}",
                     seconds(from)
+                );
+                self.verdict.finding(Rule::Doubt, frame.at, text);
+            }
+        }
+    }
+
+    /// Nor does it get one while it lights the engine again by itself.
+    fn started_after_faults(&mut self) {
+        let h = self.h;
+        let period = h.rules.period;
+        let starts = self.pairs();
+        for &(lit, mark) in &h.marks {
+            let Some((from, to)) = self.faults.last_before(lit).filter(|(from, to)| to - from >= 4 * period)
+            else {
+                continue;
+            };
+            let since = from.saturating_sub(2 * SECOND);
+            // Until it may be reported to run, or is out.
+            let first = lit.max(to) + period + 60 * MS;
+            let begins =
+                |sample: &Sample| matches!(sample.phase, Phase::Ignition | Phase::Preheat | Phase::FuelRamp);
+            let ends = h.samples(first, h.end).iter().find(|sample| !begins(sample) || sample.fault);
+            let last = ends.map_or(h.end, |sample| sample.at).saturating_sub(60 * MS);
+            let disturbed = [&self.blind, &self.down, &h.noise, &h.garbled, &self.stopped, &h.pwm];
+            if mark == Mark::GivenUp
+                || lit > to + 10 * SECOND
+                || first >= last
+                || !self.known_to_run(since)
+                || starts.iter().any(|start| (since..last).contains(&start.at))
+                || disturbed.iter().any(|spans| spans.touches(since, last))
+            {
+                continue;
+            }
+            self.verdict.count("starts by an ECU after its faults", 1);
+            if let Some(frame) = h.first_run(first, last) {
+                let text = format!(
+                    "run, and the ECU starts its engine by itself since {}, after its faults",
+                    seconds(lit)
                 );
                 self.verdict.finding(Rule::Doubt, frame.at, text);
             }

@@ -128,8 +128,7 @@ impl Case<'_> {
     fn pump(&mut self) {
         let h = self.h;
         let flows = h.times(|sample| !sample.phase.is_live() && sample.flow > 0.0);
-        let hidden =
-            self.blind.union(&h.noise).union(&h.deaf).union(&self.down.longer(h.rules.listen + SECOND));
+        let hidden = h.noise.union(&h.deaf).union(&self.down.longer(h.rules.listen + SECOND));
         let opened: Vec<u64> = h
             .frames
             .iter()

@@ -9,6 +9,8 @@ use sim::turbine::Phase;
 const STEP: f64 = 8.0;
 /// An AMT reply ends within this time of its set.
 const REPLIES: u64 = 30 * MS;
+/// Time after which the port of a transmitter that hangs has been opened again: 1 s, from the first frame that did not go out.
+const REOPENS_WITHIN: u64 = 1500 * MS;
 /// Time for which damaged frames at the expected times are not a gap, in flight.
 const KEEPS_THE_BEAT: u64 = 10 * SECOND;
 /// Default of `governor.max_age`.
@@ -31,10 +33,36 @@ impl Case<'_> {
         } else {
             self.damage_is_not_a_gap();
         }
+        self.reopens_in_time();
         self.governs_by_speeds();
         self.governor_resumes();
         self.takes_over_when_close();
         self.starts_apart();
+    }
+
+    /// A transmitter that hangs is opened again, where the driver can.
+    fn reopens_in_time(&mut self) {
+        let h = self.h;
+        if h.reopened.is_none() {
+            return;
+        }
+        let mut judged = 0;
+        for (from, to) in self.stalled().iter() {
+            // It is noticed by a frame that does not go out. An AMT ECU gets one for each of its sets.
+            let due = from + REOPENS_WITHIN;
+            let hidden = [&self.blind, &h.noise, &h.garbled, &self.faults, &self.down];
+            let silent = hidden.iter().any(|spans| spans.touches(from.saturating_sub(SECOND), due));
+            let sends = !self.traits().replies_only || self.known_to_run(from) && !silent;
+            if !sends || self.down.touches(from, due) || due > h.end {
+                continue;
+            }
+            judged += 1;
+            if to > due {
+                let text = format!("the transmitter hangs since {}, and is not opened again", seconds(from));
+                self.verdict.finding(Rule::GivenUp, due, text);
+            }
+        }
+        self.verdict.count("transmitters that hang", judged);
     }
 
     /// CTF that the source in control commands for an engine that runs is on the wire within three periods.

@@ -8,6 +8,9 @@ use std::collections::BTreeSet;
 /// Resolution of the wire, 0.1 %.
 const STEP: f64 = 8.0;
 
+/// ZK's version from which its ECU reports how long its last start took.
+const REPORTS_STARTS: u8 = 4;
+
 impl Case<'_> {
     /// Until the ECU reports a running engine, the demand is idle, or the start throttle.
     pub(super) fn start_throttle(&mut self) {
@@ -217,5 +220,36 @@ impl Case<'_> {
             }
         }
         self.verdict.count("starts that came near their time", ends.len() as u64);
+        self.restarts_end();
+    }
+
+    /// An ECU that lights its engine again and again is sent standby after the same time: what goes out meanwhile, in doubt, need not be
+    /// run.
+    fn restarts_end(&mut self) {
+        let h = self.h;
+        if !self.traits().reports_stages {
+            return;
+        }
+        let begins = h.times(|sample| sample.phase.is_starting());
+        let hidden = self.down.union(&self.blind).union(&h.noise).union(&h.pwm).union(&h.deaf);
+        let mut judged = 0;
+        for (from, to) in begins.iter() {
+            let relit = |(at, mark): &(u64, Mark)| *mark == Mark::Relight && at.abs_diff(from) < 100 * MS;
+            // Twice the duration of the last start, if its ECU has reported it: none of those of before was longer.
+            let longest = begins.iter().filter(|(_, end)| *end < from).map(|(begin, end)| end - begin).max();
+            let Some(longest) = longest else { continue };
+            let reports = h.version(from) >= REPORTS_STARTS;
+            let most =
+                if reports { (2 * longest).max(5 * SECOND) + 3 * SECOND } else { h.rules.start_timeout };
+            let due = from + most + 4 * SECOND;
+            if !h.marks.iter().any(relit) || to < due || hidden.touches(from.saturating_sub(10 * SECOND), due)
+            {
+                continue;
+            }
+            judged += 1;
+            let text = format!("no standby, and the ECU lights its engine again since {}", seconds(from));
+            self.verdict.finding(Rule::RunAtRest, due, text);
+        }
+        self.verdict.count("restarts that never end", judged);
     }
 }

@@ -172,3 +172,26 @@ fn the_third_reset_without_a_source_brings_the_fail_safe() {
     // A source was received in between.
     assert!(!high(story(HALF, 300).once(PILOT, 40.5, PilotCommand::Run(Demanded::Throttle(500)))));
 }
+
+#[test]
+fn an_ecu_that_starts_by_itself_after_its_faults_gets_no_run() {
+    // The flame goes out at 40 s, faults until 41 s, and the ECU lights it again at 42 s while the shaft turns.
+    let story = |faults: u64, run: bool| {
+        let again = if run { HALF } else { STANDBY };
+        flight(AMT, 40.0)
+            .streams(PILOT, 40.0, 44.9, PilotCommand::Run(Demanded::Throttle(500)))
+            .turbine(40.0, 42.0, Phase::Stopped, 40_000.0, 400.0)
+            .turbine(42.0, 45.0, Phase::FuelRamp, 40_000.0, 400.0)
+            .mark(42.0, Mark::Ignition)
+            .wire(40.0, 40.3, HALF)
+            .wire(43.0, 43.2, again)
+            .with(move |h| {
+                let faulty = 40 * SECOND..40 * SECOND + faults * MS;
+                h.samples.iter_mut().for_each(|sample| sample.fault = faulty.contains(&sample.at));
+            })
+            .says("starts its engine by itself")
+    };
+    assert!(story(1000, true) && !story(1000, false));
+    // One set is no fault yet.
+    assert!(!story(100, true));
+}

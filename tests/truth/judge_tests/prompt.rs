@@ -192,3 +192,21 @@ fn two_engines_start_one_after_the_other() {
     // A later start waits for this one.
     story(5000, 10).passes();
 }
+
+#[test]
+fn a_transmitter_that_hangs_is_opened_again() {
+    let story = |hangs: f64, can: bool| {
+        let (from, to) = (micros(40.0), micros(40.0 + hangs));
+        flight(ZK5, 60.0).with(move |h| {
+            h.frames.retain(|frame| !(from..to).contains(&frame.at));
+            h.deaf = Spans::from(&[(from, to)]);
+            match can {
+                true => h.reopened = Some(vec![to]),
+                false => h.stalls = vec![to],
+            }
+        })
+    };
+    story(1.2, true).passes();
+    assert!(story(3.0, true).says("is not opened again"));
+    assert!(!story(3.0, false).says("is not opened again"));
+}

@@ -727,7 +727,7 @@ fn a_start_of_a_zk_engine_ends_after_its_time() {
     assert!(!late(story(30)) && late(story(10)));
     // A restart by the ECU in flight has the same time; a flight has none.
     let relit = |time: u64, relight: bool| {
-        let story = flight(ZK5, 40.0)
+        let story = flight(Kind::Zk(3), 40.0)
             .streams(PILOT, 40.0, 120.0, run)
             .wire(40.0, 120.0, IDLE)
             .turbine(40.0, 120.0, Phase::FuelRamp, 40_000.0, 400.0)
@@ -735,4 +735,16 @@ fn a_start_of_a_zk_engine_ends_after_its_time() {
         if relight { story.mark(40.0, Mark::Relight) } else { story }
     };
     assert!(late(relit(60, true)) && !late(relit(60, false)) && !late(relit(100, true)));
+    // Twice that of the start before, of 25 s, where it is reported: also if what goes out meanwhile is not run.
+    let again = |version, relit: f64, until: f64| {
+        flight(Kind::Zk(version), relit)
+            .streams(PILOT, relit, until, run)
+            .wire(relit, until, Sent::Nothing)
+            .turbine(relit, until, Phase::Ignition, 8000.0, 100.0)
+            .mark(relit, Mark::Relight)
+            .turbine(until, until + 10.0, Phase::Stopped, 0.0, 20.0)
+            .says("no standby")
+    };
+    assert!(again(5, 40.0, 110.0) && !again(5, 40.0, 95.0));
+    assert!(!again(3, 40.0, 150.0) && again(3, 40.0, 180.0));
 }

@@ -265,6 +265,14 @@ fn an_open_pump_is_closed_when_its_source_falls_silent_and_at_a_disarm() {
     story(5.0, 20.0).breaks(&[Rule::Pump]);
     story(20.0, 12.0).once(PILOT, 10.0, PilotCommand::Disarm).passes();
     story(20.0, 16.0).once(PILOT, 10.0, PilotCommand::Disarm).breaks(&[Rule::Pump]);
+    // Also where nothing is received of the ECU; not where nothing reaches it.
+    let cut = |wire: fn(&mut History) -> &mut Spans, flows: f64| {
+        story(20.0, flows)
+            .once(PILOT, 10.0, PilotCommand::Disarm)
+            .with(move |h| *wire(h) = Spans::from(&[(9 * SECOND, 30 * SECOND)]))
+    };
+    cut(|h| &mut h.mute, 12.0).passes();
+    assert!(cut(|h| &mut h.mute, 16.0).finds(Rule::Pump) && !cut(|h| &mut h.deaf, 16.0).finds(Rule::Pump));
     // Its bound in time.
     story(50.0, 50.0).breaks(&[Rule::Pump]);
     // Ten frames that are all lost close nothing; the next disarm does.
