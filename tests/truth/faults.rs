@@ -9,7 +9,7 @@ use sim::turbine::{EgtSensor, Phase};
 use sim::wire::{Babble, Direction, Faults, FramingAs, Plug};
 
 /// Share of damaged bytes with which no frame of six arrives as a whole, although the node finds where many of them begin, per million.
-pub const NO_FRAME: u32 = 800_000;
+pub const NO_FRAME: u32 = 900_000;
 
 /// One disturbance.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

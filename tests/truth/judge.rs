@@ -44,6 +44,7 @@ pub fn judge(history: &History) -> Verdict {
     case.granted();
     case.goes_out();
     case.stays_out();
+    case.disarm_ends_a_start();
     case.silence();
     case.fuel();
     case.rate();

@@ -49,6 +49,7 @@ impl Setup {
         all.start.egt_max = Celsius::from_tenths(rng.pick(&[700, 1000, 2000, 2000, 2000]));
         all.start.timeout = ms(rng.pick(&[120_000, 120_000, 120_000, 120_000, 6000]));
         all.loss.hold = ms(rng.pick(&[1000, 1000, 300, 8000]));
+        all.loss.lower_standby_after = ms(rng.pick(&[5000, 5000, 5000, 25_000]));
         all.loss.ramp = rng.pick(&[500, 500, 100, 2000]);
         all.slew.up = rng.pick(&[None, None, Some(100), Some(500)]);
         all.slew.down = rng.pick(&[None, None, Some(60), Some(200)]);

@@ -226,6 +226,19 @@ impl Director {
         [begins, both, vec![Step::Wait(4 * SECOND)]].concat()
     }
 
+    /// In doubt, for longer than all sources may be silent: one below is not.
+    pub(super) fn lower_standby_in_doubt(&self, rng: &mut Rng) -> Vec<Step> {
+        let Some(lower) = self.lower(rng) else { return Vec::new() };
+        let lasts = self.to_ramp_end() + rng.between(13, 20) * SECOND;
+        vec![
+            stream(lower, PilotCommand::Standby),
+            Step::Wait(2 * SECOND),
+            silent(self.main),
+            fault(Fault::CutToNode, lasts),
+            Step::Wait(lasts + 2 * SECOND),
+        ]
+    }
+
     /// It was lost, and has to command for a while before it is in control: the node is reset repeatedly before that, or just before it
     /// commands again.
     fn resets_of_a_lost_source(&self, rng: &mut Rng) -> Vec<Step> {

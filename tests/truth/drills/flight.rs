@@ -36,6 +36,9 @@ impl Director {
             let reset = Step::Reset(Cause::Watchdog, rng.spread(5 * MS, 100 * MS));
             return ("a governor over a reset", vec![Step::Wait(8 * SECOND), reset, Step::Wait(4 * SECOND)]);
         }
+        if self.rules.lower_standby_after > 10 * SECOND && !traits.replies_only && rng.percent(10) {
+            return ("a lower source's standby in doubt", self.lower_standby_in_doubt(rng));
+        }
         if rng.percent(35) {
             return self.combined(rng);
         }

@@ -434,7 +434,26 @@ impl Director {
     /// The node learns too late, or not at all, what becomes of a start.
     fn unlucky_start(&self, rng: &mut Rng) -> (&'static str, Vec<Step>) {
         let begin = stream(self.main, IDLE);
-        match rng.below(4) {
+        let late = self.traits().replies_only && rng.percent(40);
+        match if late { 4 } else { rng.below(4) } {
+            4 => {
+                // As a start, it gets no demand before it runs, and a disarm ends it.
+                let meanwhile = if rng.percent(50) {
+                    stream(self.main, throttle(800))
+                } else {
+                    once(rng.below(4) as usize, PilotCommand::Disarm)
+                };
+                let reset = Step::Reset(Cause::Watchdog, 20 * MS);
+                let turns = Step::Until(Condition::Turns, 14 * SECOND);
+                let steps = vec![
+                    begin,
+                    Step::Until(Condition::Starts, 6 * SECOND),
+                    turns,
+                    reset,
+                    Step::Wait(200 * MS),
+                ];
+                ("a reset late in a start", [steps, vec![meanwhile, Step::Wait(6 * SECOND)]].concat())
+            }
             0 => {
                 let short = rng.between(20, 120) * MS;
                 let dips = (0..4).flat_map(|_| {

@@ -39,6 +39,8 @@ pub enum Condition {
     /// The shaft is at rest, and it is cool enough for a start.
     Ready,
     Starts,
+    /// Its shaft turns as fast as that of a running engine may.
+    Turns,
     /// It is in standby.
     InStandby,
     /// It runs, or has gone out.
@@ -54,6 +56,7 @@ impl Condition {
                 at_rest && view.egt < view.cool - 12.0 && view.rpm < 200.0
             }
             Self::Starts => view.phase.is_starting(),
+            Self::Turns => view.phase == Phase::FuelRamp && view.rpm > 16_000.0,
             Self::InStandby => view.phase == Phase::Standby,
             Self::Ends => view.phase == Phase::Running || !view.phase.is_live(),
             Self::Out => !view.phase.is_live(),

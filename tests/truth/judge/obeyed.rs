@@ -2,7 +2,7 @@
 //! documented begins.
 
 use super::case::{Case, Rule, seconds};
-use crate::history::{Cause, MS, PilotCommand, SECOND, Spans};
+use crate::history::{Cause, MS, Mark, PilotCommand, Reset, SECOND, Sample, Spans};
 use sim::turbine::Phase;
 
 /// Time from a command until the turbine is out, with every wire intact.
@@ -79,6 +79,42 @@ impl Case<'_> {
             "shutdowns",
             h.commanded.iter().filter(|commanded| commanded.command == PilotCommand::ShutDown).count() as u64,
         );
+    }
+
+    /// A disarm ends a start that has not reached running, also one in which the node was reset.
+    pub(super) fn disarm_ends_a_start(&mut self) {
+        let h = self.h;
+        let starts = self.pairs();
+        let mut judged = 0;
+        for disarm in h.commanded.iter().filter(|commanded| commanded.command == PilotCommand::Disarm) {
+            let at = disarm.at;
+            let begun = h.marks.iter().rfind(|(when, _)| *when <= at);
+            let Some((lit, _)) = begun.filter(|(_, mark)| *mark == Mark::Ignition) else { continue };
+            let Some(start) = starts.iter().rfind(|start| start.at <= *lit) else { continue };
+            let begins = |sample: &Sample| {
+                matches!(sample.phase, Phase::Ignition | Phase::Preheat | Phase::FuelRamp) && !sample.fault
+            };
+            // What is being sent, and the report that follows.
+            let from = at + 3 * h.rules.period + 100 * MS;
+            let next = starts.iter().map(|start| start.at).find(|next| *next > at).unwrap_or(h.end);
+            let ends = h.resets.iter().map(|reset| reset.down).find(|down| *down > at).unwrap_or(h.end);
+            let until = next.min(ends).min(from + 3 * SECOND);
+            let lost = |reset: &Reset| reset.cause != Cause::Watchdog && (start.at..at).contains(&reset.down);
+            if !h.samples(*lit, at).iter().all(begins)
+                || h.resets.iter().any(lost)
+                || self.down.touches(at, from)
+                || h.pwm.touches(start.at, until)
+                || from >= until
+            {
+                continue;
+            }
+            judged += 1;
+            if let Some(frame) = h.first_run(from, until) {
+                let text = format!("run, and the disarm at {} has ended the start", seconds(at));
+                self.verdict.finding(Rule::Obeyed, frame.at, text);
+            }
+        }
+        self.verdict.count("starts that a disarm ends", judged);
     }
 
     /// An engine that was shut down is not sent run again before a source commands it, also across resets, as long as the state

@@ -523,3 +523,23 @@ fn a_late_doubt_has_time_to_be_confirmed() {
     let configured = story(60.0, 60.5, false).with(|h| h.rules.standby_after = Some(3 * SECOND));
     assert!(!at_once(configured));
 }
+
+/// Where no standby is configured, a source that commands standby below is not silent, in doubt either: it waits for its own time.
+#[test]
+fn in_doubt_a_lower_source_is_not_silent() {
+    let story = |lower: bool, standby: f64| {
+        let story = flight(ZK5, 40.0)
+            .turbine(40.0, 80.0, Phase::Running, 100_000.0, 500.0)
+            .wire(40.0, 40.2, HALF)
+            .wire(40.2, standby, Sent::Nothing)
+            .wire(standby, 80.0, STANDBY)
+            .with(|h| {
+                h.rules.lower_standby_after = 25 * SECOND;
+                h.mute = Spans::from(&[(40 * SECOND, 80 * SECOND)]);
+            });
+        let story = if lower { story.streams(3, 38.0, 80.0, PilotCommand::Standby) } else { story };
+        story.finds(Rule::ShutDown)
+    };
+    assert!(story(true, 55.0) && !story(true, 68.0));
+    assert!(!story(false, 55.0) && story(false, 45.0));
+}

@@ -182,3 +182,27 @@ fn an_engine_that_is_lit_again_delays_other_engines() {
     });
     assert_eq!(after_a_cut, [true, false]);
 }
+
+#[test]
+fn a_disarm_ends_a_start_also_over_a_reset() {
+    let story = |ends: f64, reset: Option<Cause>| {
+        ready(AMT)
+            .streams(PILOT, 4.0, 12.0, PilotCommand::Run(Demanded::Throttle(0)))
+            .wire(4.0, ends, IDLE)
+            .wire(ends, 14.0, STANDBY)
+            .mark(5.0, Mark::Ignition)
+            .turbine(5.0, ends, Phase::FuelRamp, 20_000.0, 400.0)
+            .turbine(ends, 14.0, Phase::Stopped, 10_000.0, 200.0)
+            .once(0, 10.0, PilotCommand::Disarm)
+            .with(move |h| {
+                let reset = reset.map(|cause| Reset { down: 9 * SECOND, up: 9_020 * MS, cause });
+                h.resets.extend(reset);
+            })
+            .says("has ended the start")
+    };
+    for reset in [None, Some(Cause::Watchdog)] {
+        assert!(story(12.0, reset) && !story(10.2, reset), "{reset:?}");
+    }
+    // A node without memory may take it for an engine that runs.
+    assert!(!story(12.0, Some(Cause::PowerOn)));
+}
