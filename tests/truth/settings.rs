@@ -60,7 +60,7 @@ impl Setup {
         }
         let action = rng.pick(&[Action::FailSafe, Action::FailSafe, Action::FailSafe, Action::Standby]);
         let idle = self.ecu.turbine().idle_rpm;
-        match rng.below(16) {
+        match rng.below(17) {
             12 => all.limits.implausible.action = action,
             13 => {
                 // Above idle: the stick may be up.
@@ -78,7 +78,7 @@ impl Setup {
             3 | 6 => {
                 all.limits.over_speed = Limit { at: Some(Rpm::new(rng.pick(&[80_000, 100_000]))), action }
             }
-            4 => all.limits.flame_out.action = Action::Standby,
+            4 | 16 => all.limits.flame_out.action = Action::Standby,
             5 => all.limits.ecu_fault = action,
             _ => {}
         }

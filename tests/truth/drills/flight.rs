@@ -22,6 +22,14 @@ impl Director {
             let wire = rng.pick(&[Fault::FlameOut, Fault::FlameOut, Fault::CutToNode]);
             return ("an engine fails", vec![fault(wire, length), Step::Wait(length + 4 * SECOND)]);
         }
+        if self.rules.limit_flame.is_some() && rng.percent(15) {
+            // It falls for as long as possible before the ECU sees it.
+            let full = [stream(self.main, throttle(1000)), Step::Wait(8 * SECOND)];
+            return (
+                "the flame goes out at full throttle",
+                [full, [fault(Fault::FlameOut, MS), Step::Wait(6 * SECOND)]].concat(),
+            );
+        }
         if self.rules.limit_flame.is_some() && rng.percent(20) {
             return ("a gap while the shaft slows down", self.gap_in_a_fall(rng));
         }

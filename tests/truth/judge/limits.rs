@@ -219,8 +219,10 @@ impl Case<'_> {
         };
         let lost = h.times(|sample| reported(sample) && !sample.lit && lost(sample));
         let unexplained = lost.iter().filter(|(from, to)| {
-            // The settings may have another limit after a reset.
-            let reset = h.resets.iter().any(|reset| reset.down < *to);
+            // What was found before a reset does not count after it, and other settings have another limit.
+            let since = from.saturating_sub(LOST_WITHIN + 4 * SECOND);
+            let reset = h.resets.iter().any(|reset| reset.up > since && reset.down < *to)
+                || h.other_settings.iter().any(|at| at < to);
             let before = from.saturating_sub(SPOOLS_DOWN);
             // Also in steps too small to count by themselves, and if it has risen again since.
             let demands = h.frames_within(before, *to).iter().filter_map(|frame| frame.sent.demand());

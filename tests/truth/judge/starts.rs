@@ -186,6 +186,11 @@ impl Case<'_> {
         {
             return Some("its pump is open".into());
         }
+        // A test lasts for 3 s, and its ECU reports it.
+        let tests = h.frames_within(at.saturating_sub(2500 * MS), at.saturating_sub(SECOND)).iter();
+        if tests.clone().any(|frame| matches!(frame.sent, Sent::Action(2..=5)) && frame.arrived) {
+            return Some("its ECU tests something".into());
+        }
         if last(1600 * MS).iter().all(|sample| sample.fault) && !last(1600 * MS).is_empty() {
             return Some("the ECU reports a fault".into());
         }

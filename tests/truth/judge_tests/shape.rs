@@ -489,6 +489,14 @@ fn a_flame_that_goes_out_and_a_hot_start_have_the_action_of_their_limit() {
     };
     let limits = |story: Story| story.finds(Rule::Limit);
     assert!(!limits(flame_out(45.5, Some(true)).with(sinks)));
+    // A reset counts if it is recent, or if other settings came with it.
+    let reset = |at: u64, other: bool| {
+        limits(flame_out(45.5, Some(true)).with(move |h| {
+            h.resets.push(Reset { down: at * SECOND, up: at * SECOND + 20 * MS, cause: Cause::Watchdog });
+            h.other_settings.extend(other.then_some(at * SECOND + 20 * MS));
+        }))
+    };
+    assert!(reset(33, false) && !reset(39, false) && !reset(33, true));
     assert!(limits(flame_out(45.5, Some(true))));
     // So does one that sank in such steps and has risen again since (710000398); one that rises explains nothing.
     let moves = |tenths: fn(u32) -> u32| {

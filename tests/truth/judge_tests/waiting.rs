@@ -206,3 +206,23 @@ fn a_disarm_ends_a_start_also_over_a_reset() {
     // A node without memory may take it for an engine that runs.
     assert!(!story(12.0, Some(Cause::PowerOn)));
 }
+
+#[test]
+fn no_start_begins_while_its_ecu_tests_something() {
+    let story = |tested: f64, arrived: bool| {
+        ready(ZK5)
+            .wire(tested, tested + 0.01, Sent::Action(2))
+            .with(move |h| {
+                let test = h.frames.iter_mut().filter(|frame| frame.sent == Sent::Action(2));
+                test.for_each(|frame| frame.arrived = arrived);
+            })
+            .streams(PILOT, 4.0, 6.0, PilotCommand::Run(Demanded::Throttle(0)))
+            .wire(4.0, 6.0, IDLE)
+            .turbine(5.0, 6.0, Phase::Ignition, 1000.0, 15.0)
+            .mark(5.0, Mark::Ignition)
+            .finds(Rule::Ignition)
+    };
+    assert!(story(2.5, true) && !story(2.5, false));
+    // Its report is on its way, or it is over.
+    assert!(!story(3.8, true) && !story(1.2, true));
+}
