@@ -354,12 +354,7 @@ impl Director {
             return [begin, vec![Step::Wait(self.rules.start_gap + 10 * SECOND)], runs].concat();
         }
         let other = rng.below(4) as usize;
-        let steps = match rng.below(15) {
-            // A test, of which its ECU is busy when the start is due.
-            13 | 14 if self.traits().services => {
-                let test = once(self.main, PilotCommand::Service(rng.between(2, 4) as u8));
-                [test, Step::Wait(2500 * MS)].repeat(6)
-            }
+        let steps = match rng.below(13) {
             0 => vec![once(other, PilotCommand::Disarm)],
             1 => vec![beside(Fault::Error(rng.between(1, 18) as u8), rng.between(8, 20) * SECOND)],
             2 => vec![stream(self.main, throttle(rng.pick(&[50, 400])))],
