@@ -188,7 +188,7 @@ const IN_HOURS: [&str; 28] = [
     "valves closed",
 ];
 /// Situations that take a hundred hours.
-const IN_A_HUNDRED_HOURS: [&str; 13] = [
+const IN_A_HUNDRED_HOURS: [&str; 16] = [
     "CTF that has to be sent",
     "frames that rise at the rate after a loss of the source",
     "hand-overs to the PWM input",
@@ -200,8 +200,11 @@ const IN_A_HUNDRED_HOURS: [&str; 13] = [
     "speeds that no turbine makes",
     "standbys in doubt",
     "starts after another engine's",
+    "starts that a disarm ends",
     "starts that have to go when they may",
     "take-overs",
+    "third resets without a source",
+    "transmitters that hang",
 ];
 
 /// A rule that judged nothing would find nothing.
