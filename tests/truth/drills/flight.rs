@@ -58,12 +58,13 @@ impl Director {
             42..50 => ("another source", self.another_source(rng)),
             50..56 => ("stray words", self.stray_words(rng)),
             56..62 => ("full throttle", self.full_throttle(rng)),
-            62..74 if traits.faults_hide_state => ("error sets", self.error_sets(rng)),
+            62..70 if traits.faults_hide_state => ("error sets", self.error_sets(rng)),
+            70..74 if traits.faults_hide_state => ("the flame goes out", goes_out()),
             62..65 => (
                 "the ECU is off",
                 vec![fault(Fault::PowerOff, rng.spread(30 * MS, 3 * SECOND)), Step::Wait(4 * SECOND)],
             ),
-            65..68 => ("the flame goes out", vec![fault(Fault::FlameOut, MS), Step::Wait(6 * SECOND)]),
+            65..68 => ("the flame goes out", goes_out()),
             68..74 => ("the stick", self.sticks(rng)),
             74..82 => ("a stop", self.stop(rng)),
             82..85 if traits.ctf => ("CTF", self.ctf(rng)),
@@ -455,4 +456,8 @@ impl Director {
             Step::Wait(length + 6 * SECOND),
         ]
     }
+}
+
+fn goes_out() -> Vec<Step> {
+    vec![fault(Fault::FlameOut, MS), Step::Wait(6 * SECOND)]
 }

@@ -113,7 +113,7 @@ impl WorldConfig for AmtConfig {
         if let Some(in_flight) = &mut self.temper.in_flight {
             in_flight.every = 12_000_000_000;
         }
-        if self.serial_delay <= 2_000_000_000 && rng.percent(40) {
+        if self.serial_delay <= 2_000_000_000 && rng.percent(60) {
             // Its fault clears before any set can report it, and its start clearance lasts until it has given up.
             (self.temper.trips_clear_after, self.temper.clearance) = (Some(0), 4_000_000_000);
             self.temper.starts_hot = true;
