@@ -640,6 +640,21 @@ fn zk_11_a_rate_of_settings_is_ordered_at_rest() {
     assert!(ordered(&mut scenario, rate(8)), "50 Hz");
 }
 
+/// ZK-9: settings given at rest switch mode 2 on: from then on standby is also sent in ID 6.
+#[test]
+fn zk_9_mode_2_of_settings_is_used_at_rest() {
+    for (split, by_id6) in [(0, false), (1, true)] {
+        let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
+        let mut config = Ecu::Zk.config();
+        config.set("ZK_SPLIT_SWITCH", split).unwrap();
+        give(&mut scenario, &config).unwrap();
+        scenario.bench.frames();
+        scenario.pass_us(SECOND);
+        let frames = scenario.bench.bytes();
+        assert_eq!(frames.contains(&zk_frames::mode(0, 2).to_vec()), by_id6, "{split}: {frames:02x?}");
+    }
+}
+
 #[test]
 fn wrong_settings_of_a_link_change_nothing() {
     let mut scenario = Scenario::ready(Ecu::Amt, Ecu::Amt.config());

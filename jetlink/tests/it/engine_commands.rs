@@ -129,6 +129,29 @@ fn zk_8_a_hand_over_is_taken_back_by_its_own_source() {
     }
 }
 
+/// Another source's standby ends a hand-over whose engine does not run yet, if its source is silent. Of an engine that runs only a higher
+/// source's does.
+#[test]
+fn zk_8_a_hand_over_is_ended_by_another_source_as_a_run_is() {
+    for (runs, origin, ended) in [
+        (false, Origin::Mavlink, true),
+        (false, Origin::Emergency, true),
+        (true, Origin::Mavlink, false),
+        (true, Origin::Emergency, true),
+    ] {
+        let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
+        scenario.command(Command::HandOverToPwm).unwrap();
+        scenario.reports(Reports::Starting);
+        if runs {
+            scenario.reports(Reports::Running);
+        }
+        scenario.pass_us(SECOND); // RC is silent
+        scenario.fly_us(Command::Standby, origin, SECOND);
+        let order = if ended { Order::Standby } else { Order::Pwm };
+        assert_eq!(scenario.order(), order, "{runs} {origin:?}");
+    }
+}
+
 /// Each interlock of a start also applies to a hand-over, and a refusal uses up the permission.
 #[test]
 fn zk_8_a_hand_over_counts_as_a_start() {
@@ -219,6 +242,19 @@ fn service_commands_need_a_stopped_engine() {
     let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config());
     scenario.silent().pass_us(2 * SECOND);
     assert_eq!(scenario.command(action(Action::Drain)), Err(Rejected::NoLink));
+}
+
+/// While no order is in force, the refusal of a service says whether anything is received.
+#[test]
+fn a_service_is_refused_while_the_node_listens() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::nothing_received(ecu, ecu.config());
+        for (link, why) in [(LinkState::Silent, Rejected::Listening), (LinkState::Lost, Rejected::NoLink)] {
+            assert_eq!(scenario.telemetry().link, link, "{ecu:?}");
+            assert_eq!(scenario.command(action(Action::Drain)), Err(why), "{ecu:?} {link:?}");
+            scenario.pass_us(5 * SECOND);
+        }
+    }
 }
 
 /// A pump that was opened "for a long time" can be closed, although the ECU then reports one of its tests.

@@ -142,6 +142,9 @@ fn zk_an_rpm_that_the_ecu_follows_late_explains_a_fall_then() {
         // 2 % of the nominal maximum is the noise of a stick, and explains nothing.
         (1, 98_000, 98_000, 40_000, &[LimitKind::FlameOut]),
         (1, 96_000, 96_000, 40_000, &[]),
+        // 3 % more is as ordered, 10 % is not.
+        (6, 40_000, 41_200, 20_000, &[LimitKind::FlameOut]),
+        (6, 40_000, 44_000, 20_000, &[]),
         // At idle, with less ordered.
         (8, ZK_IDLE - 2000, ZK_IDLE, 0, &[LimitKind::FlameOut]),
     ] {

@@ -7,7 +7,7 @@ use jetlink::config::EngineConfig;
 use jetlink::ecu::EcuConfig;
 use jetlink::engine::config::Governor;
 use jetlink::engine::retained::RetainedState;
-use jetlink::event::LossStage;
+use jetlink::event::{Event, LossStage};
 use jetlink::limit::{Action, Limit};
 use jetlink::line::{Line, LineError};
 use jetlink::link::LinkRecord;
@@ -398,10 +398,15 @@ fn the_governor_holds_the_reported_throttle_until_a_speed_can_be_known() {
 
 /// A governed ZK engine of RC's that runs at 80 000 rpm, right after a reset. `by_id6`: its switch may have been given by ID 6.
 fn governed_zk_after_reset(by_id6: bool) -> Scenario {
+    governed_zk_after_reset_of(rpm(80_000), by_id6)
+}
+
+/// The same with this demand.
+fn governed_zk_after_reset_of(demand: Demand, by_id6: bool) -> Scenario {
     let mut governor = Governor::DEFAULT;
     governor.max_rpm = Rpm::new(160_000);
     let config = Ecu::Zk.with(|s| s.governor = Some(governor));
-    let retained = RetainedState::new(Order::Run(rpm(80_000)), Origin::Rc);
+    let retained = RetainedState::new(Order::Run(demand), Origin::Rc);
     let retained = retained.with(|state| (state.armed, state.link) = (true, LinkRecord::new(by_id6.into())));
     let mut scenario = Scenario::after_reset(Ecu::Zk, config, Some(retained));
     scenario.values.rpm = Some(80_000);
@@ -620,6 +625,35 @@ fn a_start_needs_the_commanded_rpm_at_idle_not_the_clamped_one() {
     }
 }
 
+/// An rpm above the governor's maximum is clamped to it, and reported once. One at the maximum is neither.
+#[test]
+fn an_rpm_above_the_governors_maximum_is_clamped() {
+    for (commanded, clamped) in [(60_001, true), (60_000, false)] {
+        let mut scenario = at(governed(|governor| governor.max_rpm = Rpm::new(60_000)), 60, 60_000);
+        scenario.fly_us(Command::Run(rpm(commanded)), Origin::Rc, SECOND);
+        assert_eq!(scenario.telemetry().commanded, Some(rpm(60_000)), "{commanded}");
+        let mut events = scenario.bench.event_kinds();
+        events.retain(|event| matches!(event, Event::Clamped(_)));
+        let expected = if clamped { vec![Event::Clamped(Rpm::new(60_000))] } else { vec![] };
+        assert_eq!(events, expected, "{commanded}");
+    }
+}
+
+/// The switch may have been given by ID 6, but the order was a throttle: it is no rpm of the ECU's own control, and one that is
+/// commanded before the version is known is the governor's.
+#[test]
+fn zk_9_after_a_reset_with_a_throttle_an_rpm_is_the_governors() {
+    for (retained, governed) in [(percent(60), true), (rpm(80_000), false)] {
+        let mut scenario = governed_zk_after_reset_of(retained, true);
+        scenario.reports = Some(Reports::Running);
+        report_60_percent(&mut scenario);
+        scenario.fly_us(target(80_000), Origin::Rc, SECOND);
+        assert!(scenario.telemetry().in_doubt.is_none());
+        let is_throttle = matches!(scenario.order(), Order::Run(Demand::Throttle(_)));
+        assert_eq!(is_throttle, governed, "{retained:?}: {}", scenario.order());
+    }
+}
+
 /// A set that ends a doubt has a speed: it is not answered with the idle throttle of a governor without one, from which the next
 /// answer would jump back.
 #[test]
@@ -648,4 +682,38 @@ fn the_set_that_ends_a_doubt_is_answered_by_the_governor() {
     let sent = throttles(&scenario.sent());
     assert!(sent.iter().all(|tenths| tenths.abs_diff(before) < 50), "{sent:?}, before {before}");
     assert_eq!(sent.len(), 2);
+}
+
+/// The integral is held at a limit: however long it lasts, the throttle follows the next target at once.
+#[test]
+fn the_governors_throttle_leaves_a_limit_at_once() {
+    let config = governed(|g| (g.proportional, g.integral) = (40, 10));
+    // 5000 rpm of error are 20 % of throttle.
+    for (beyond, limit, back) in [(55_000, 1000, 800), (45_000, 0, 200)] {
+        let mut scenario = at(config, 50, 50_000);
+        scenario.fly_us(target(beyond), Origin::Rc, 30 * SECOND);
+        assert_eq!(scenario.tenths(), limit, "{beyond}");
+        // It rises at 30 % a second.
+        scenario.fly_us(target(50_000), Origin::Rc, SECOND);
+        assert!(scenario.tenths().abs_diff(back) <= 5, "{beyond}: {}", scenario.tenths());
+        scenario.fly_us(target(50_000), Origin::Rc, 10 * SECOND);
+        assert!(scenario.tenths().abs_diff(back) <= 5, "{beyond}: {}", scenario.tenths());
+    }
+}
+
+/// Its gains are for 1000 rpm: so much throttle at once, and so much per second.
+#[test]
+fn the_gains_of_the_governor_are_for_1000_rpm() {
+    for (proportional, integral) in [(40, 0), (1, 10), (40, 10)] {
+        let mut scenario =
+            at(governed(|g| (g.proportional, g.integral) = (proportional, integral)), 30, 50_000);
+        scenario.fly_us(target(50_000), Origin::Rc, SECOND);
+        assert_eq!(scenario.tenths(), 300);
+        for seconds in 1..=5 {
+            scenario.fly_us(target(51_000), Origin::Rc, SECOND);
+            let expected = 300 + proportional + seconds * integral;
+            let tenths = scenario.tenths();
+            assert!(tenths.abs_diff(expected) <= 2, "{proportional} {integral}: {tenths} after {seconds} s");
+        }
+    }
 }

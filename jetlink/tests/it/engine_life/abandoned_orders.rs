@@ -249,3 +249,53 @@ fn an_rpm_that_no_reset_let_pass_does_not_jump_after_them() {
     assert!(first.is_some_and(|rpm| rpm < 40_000), "{first:?}");
     assert_eq!(scenario.order(), Order::Run(rpm(100_000)));
 }
+
+/// The stages of loss continue from where they were when the order was given up: stray commands of the source that was lost by then bring no demand back.
+/// The control: it commands all along.
+#[test]
+fn amt_stray_commands_of_a_lost_source_do_not_restart_the_stages_of_loss() {
+    for (commands, tenths) in [(false, 0), (true, 900)] {
+        let mut scenario = Scenario::started(Ecu::Amt, percent(90));
+        scenario.reports = Some(Reports::Running);
+        scenario.fly_us(run(90), Origin::Rc, 2 * SECOND).silent();
+        if commands {
+            scenario.fly_us(run(90), Origin::Rc, 9 * SECOND);
+        } else {
+            scenario.pass_us(9 * SECOND);
+        }
+        assert_eq!(scenario.order(), Order::Listen);
+        let _ = scenario.command(run(90));
+        scenario.values.half_percents = 180;
+        scenario.reports(Reports::Running);
+        assert_eq!(scenario.tenths(), tenths, "{commands}");
+    }
+}
+
+/// After an order was given up the stages of loss continue, and standby is sent when they have run out: a lower source that was silent by
+/// then does not restart them, and the silence before a reset counts once. A source that was received since restarts them.
+#[test]
+fn the_stages_of_loss_run_out_at_their_time_after_an_order_was_given_up() {
+    // In ms after RC's last command: a reset, the last command of a lower source, and standby. After a reset the longest timeout counts.
+    for (reset, lower, due) in [
+        (None, None, 11_500),
+        (None, Some(2900), 11_500),
+        (None, Some(4300), 4300 + 12_000),
+        (Some(2000), None, 12_000),
+    ] {
+        let mut scenario = Scenario::started_with(Ecu::Amt, Ecu::Amt.config(), percent(80));
+        scenario.silent();
+        let (mut after, mut given_up) = (0, false);
+        while scenario.order() != Order::Standby && after < 30_000 {
+            if reset == Some(after) {
+                scenario = scenario.reset(Ecu::Amt.config());
+            }
+            if lower.is_some_and(|last| after <= last) {
+                let _ = scenario.command_from(Command::Standby, Origin::Mavlink);
+            }
+            scenario.pass_us(COMMAND_PERIOD_US);
+            after += COMMAND_PERIOD_US / 1000;
+            given_up |= scenario.order() == Order::Listen;
+        }
+        assert!(given_up && after.abs_diff(due) <= 100, "{reset:?} {lower:?}: {after} ms");
+    }
+}

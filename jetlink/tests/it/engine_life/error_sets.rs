@@ -543,3 +543,37 @@ fn amt_8_a_demand_that_falls_back_in_a_gap_excuses_no_cold_exhaust() {
         assert_eq!(scenario.order(), Order::Standby, "gap {gap}: {sent:?}");
     }
 }
+
+/// An engine has failed when its ECU reports faults instead of a state, however hot its exhaust: nobody knows that it runs.
+#[test]
+fn amt_8_an_engine_has_failed_when_faults_replace_its_state() {
+    for (fault, failed) in [(1, true), (0, false)] {
+        let scenario = with_faults(10 * SECOND, fault, run(50), |_| 500);
+        assert!(matches!(scenario.order(), Order::Run(_) | Order::Doubt(_)), "{fault}");
+        assert_eq!(scenario.bench.machine.failed(), failed, "{fault}");
+    }
+}
+
+/// While the ECU reports a running engine, a cold exhaust uses up nothing of the excuse of a lower demand, however long that goes down: error
+/// sets find all of it. The control: the demand was lowered long before them.
+#[test]
+fn amt_8_a_cold_exhaust_beside_reports_of_running_uses_up_no_excuse() {
+    for (held, flies) in [(0, true), (6 * SECOND, false)] {
+        let mut scenario = Scenario::started(Ecu::Amt, percent(90));
+        scenario.reports = Some(Reports::Running);
+        // It warms up as an exhaust does.
+        while scenario.values.egt_celsius < 400 {
+            scenario.values.egt_celsius += 10;
+            scenario.fly_us(run(90), Origin::Rc, FRAME_PERIOD_US);
+        }
+        for tenths_of_a_second in 0..200 {
+            let lowered = run(90 - 4 * (tenths_of_a_second / 10));
+            scenario.values.egt_celsius = 280.max(scenario.values.egt_celsius - 3);
+            scenario.fly_us(lowered, Origin::Rc, SECOND / 10);
+        }
+        scenario.fly_us(run(14), Origin::Rc, held);
+        scenario.values.fault = 1;
+        scenario.fly_us(run(14), Origin::Rc, 2 * SECOND);
+        assert_eq!(scenario.order() != Order::Standby, flies, "held for {held} us");
+    }
+}

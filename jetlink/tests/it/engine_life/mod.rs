@@ -5,6 +5,7 @@ mod abandoned_orders;
 mod error_sets;
 mod forgotten;
 mod lives;
+mod memory;
 mod power_lost;
 mod records;
 mod resets;

@@ -113,3 +113,64 @@ fn amt_an_order_that_was_given_up_stays_so_over_a_loss_of_power_after_other_stat
         assert_eq!(highest(&mut given_up(), 0b01100, 20), Some(900), "{state:#b}");
     }
 }
+
+/// An engine that flew is not in doubt after a loss of power, although its ECU reports a state that a start has, too: its demand rises. The
+/// control: without a record nobody knows that it flew.
+#[test]
+fn amt_an_engine_that_flew_before_a_loss_of_power_is_found_running() {
+    for state in COMMON_STATES.into_iter().skip(1) {
+        let mut scenario = after(&flying(Ecu::Amt), Reset::PowerLost);
+        assert_eq!(highest(&mut scenario, state, 100), Some(900), "{state:#b}");
+        assert!(scenario.telemetry().in_doubt.is_none(), "{state:#b}");
+        let mut scenario = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), None);
+        assert!(highest(&mut scenario, state, 100) <= Some(500), "{state:#b}");
+        assert!(scenario.telemetry().in_doubt.is_some(), "{state:#b}");
+    }
+}
+
+/// The stages of loss have lowered the demand of an engine by the time it is found: its exhaust falls as it has to. The control: a source
+/// commands the throttle that it has, and a fall is a flame-out.
+#[test]
+fn amt_8_an_engine_that_is_found_by_its_exhaust_after_a_long_loss_may_cool() {
+    for commands in [false, true] {
+        let fly = |scenario: &mut Scenario, micros: u64| {
+            if commands {
+                scenario.fly_us(run(90), Origin::Rc, micros);
+            } else {
+                scenario.pass_us(micros);
+            }
+        };
+        let mut flight = Scenario::started(Ecu::Amt, percent(90));
+        flight.reports = Some(Reports::Running);
+        flight.fly_us(run(90), Origin::Rc, SECOND);
+        fly(&mut flight, 900_000);
+        let mut scenario = after(&flight, Reset::PowerLost);
+        // Less than the serial delay time of the ECU.
+        fly(&mut scenario, 3 * SECOND);
+        scenario.values = Values { half_percents: 180, egt_celsius: 700, fault: 1, rpm: None };
+        scenario.reports(Reports::Running);
+        assert_eq!(scenario.order(), Order::Doubt(percent(if commands { 90 } else { 0 })));
+        // 25 °C/s for 4 s, and steady again.
+        for i in 0..100 {
+            scenario.values.egt_celsius = 700 - i.min(80) * 5 / 4;
+            fly(&mut scenario, FRAME_PERIOD_US);
+        }
+        assert_eq!(scenario.order() == Order::Standby, commands, "{}", scenario.order());
+    }
+}
+
+/// What shows that an engine may not run stays known over a loss of power.
+#[test]
+fn doubts_about_error_sets_survive_a_loss_of_power() {
+    let memory = RetainedMemory::new();
+    let run = RetainedState::new(Order::Run(percent(80)), Origin::Rc);
+    let listen = RetainedState::new(Order::Listen, Origin::Node).with(|state| state.ran = true);
+    for (exhaust_ignored, after_faults) in [(false, false), (true, false), (false, true), (true, true)] {
+        let with = |state: RetainedState| {
+            state.with(|state| (state.exhaust_ignored, state.after_faults) = (exhaust_ignored, after_faults))
+        };
+        memory.store(&with(run), 1);
+        assert_eq!(memory.load(1, Reset::Warm), Some(with(run)));
+        assert_eq!(memory.load(1, Reset::PowerLost), Some(with(listen)));
+    }
+}

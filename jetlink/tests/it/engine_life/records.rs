@@ -228,3 +228,63 @@ fn a_source_that_was_armed_has_to_disarm_first_after_a_loss_of_power() {
         }
     }
 }
+
+/// Until the node begins, its record is the restored one, whatever is commanded: a reset in between must find the run.
+#[test]
+fn a_command_before_the_node_begins_leaves_the_record_as_it_was_restored() {
+    for ecu in BOTH {
+        let restored = record(&flying(ecu));
+        assert!(matches!(restored.order, Order::Run(_)) && restored.ran, "{ecu:?}");
+        let mut engine = Engine::new(&ecu.config());
+        engine.restore(Some(restored));
+        engine.command(at_us(0), run(50), Origin::Bench, true).unwrap_err();
+        let now = engine.record();
+        assert_eq!((now.order, now.origin, now.ran), (restored.order, restored.origin, true), "{ecu:?}");
+        let after = Scenario::after_reset(ecu, ecu.config(), Some(now));
+        assert!(matches!(after.order(), Order::Doubt(_)), "{ecu:?}: {}", after.order());
+    }
+}
+
+/// A lower source that is received between two resets does not end their count: the demand is another's.
+#[test]
+fn resets_are_counted_while_only_a_lower_source_is_received() {
+    for ecu in BOTH {
+        for (origin, counted) in [(Origin::Bench, true), (Origin::Rc, false)] {
+            let mut scenario = flying(ecu);
+            for reset in 1..=2 {
+                scenario = scenario.reset(ecu.config());
+                scenario.reports = Some(Reports::Running);
+                scenario.fly_us(run(50), origin, 2 * FRAME_PERIOD_US);
+                assert_eq!(record(&scenario).resets, if counted { reset } else { 0 }, "{ecu:?} {origin:?}");
+            }
+        }
+    }
+}
+
+/// What the search for an engine knows of it continues over a second reset: that its order was given up, that error sets came, and that
+/// its exhaust is expected to fall yet.
+#[test]
+fn what_a_search_knows_continues_over_a_second_reset() {
+    type Change = fn(&mut RetainedState);
+    let changes: [(&str, Change); 4] = [
+        ("nothing", |_| {}),
+        ("given up", |state| state.exhaust_ignored = true),
+        ("after faults", |state| state.after_faults = true),
+        ("a fall", |state| state.fall_expected = Duration::from_secs(5)),
+    ];
+    for (name, change) in changes {
+        let mut last = record(&flying(Ecu::Amt)).without_start().with(change);
+        assert_eq!(last.order, Order::Listen, "{name}");
+        for reset in 1..=2 {
+            let mut scenario = Scenario::after_reset(Ecu::Amt, Ecu::Amt.config(), Some(last));
+            scenario.silent().pass_us(SECOND);
+            last = record(&scenario);
+            assert_eq!(last.exhaust_ignored, name == "given up", "{name} {reset}");
+            assert_eq!(last.after_faults, name == "after faults", "{name} {reset}");
+            let fall = last.fall_expected.as_millis();
+            let left = 5000 - 1000 * reset;
+            let expected = if name == "a fall" { left - 500 * reset..=left } else { 0..=0 };
+            assert!(expected.contains(&fall), "{name} {reset}: {fall}");
+        }
+    }
+}

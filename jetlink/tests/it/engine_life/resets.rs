@@ -600,3 +600,25 @@ fn a_source_that_waits_to_take_over_is_in_control_after_a_reset() {
         }
     }
 }
+
+/// An engine is found while a source commands another demand, and falls silent before it has taken over: its stages of loss begin then.
+#[test]
+fn the_stages_of_loss_begin_with_a_source_that_was_there_when_its_engine_was_found() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::after_reset(ecu, ecu.config(), None);
+        scenario.values.half_percents = 180;
+        scenario.introduce();
+        if ecu == Ecu::Zk {
+            for _ in 0..2 {
+                scenario.bench.receive(&zk_frames::status(3, TURNING, [90, 0, 0]));
+            }
+        }
+        scenario.reports = Some(Reports::Running);
+        scenario.fly_us(run(10), Origin::Rc, SECOND);
+        assert_eq!(scenario.telemetry().waiting, Some(Origin::Rc), "{ecu:?}");
+        let lost = SECOND - COMMAND_PERIOD_US + SOURCE_TIMEOUT_US;
+        scenario.pass_us(3 * SECOND);
+        let expected = [(lost, LossStage::Hold), (lost + HOLD_US, LossStage::FailSafe)];
+        assert_eq!(stages(&mut scenario), expected, "{ecu:?}");
+    }
+}

@@ -206,3 +206,25 @@ fn a_source_that_is_present_counts_as_silent() {
         assert_eq!(scenario.command(run(0)), Err(Rejected::StandbyFirst), "{ecu:?}");
     }
 }
+
+/// While no order is in force, a lower source's standby stays without effect for as long as a higher source streams run, which is refused
+/// but keeps that source in control.
+#[test]
+fn standby_behind_a_run_that_is_refused_ends_no_search() {
+    for ecu in BOTH {
+        for (higher, answer) in [(true, Accepted::Behind(Origin::Rc)), (false, Accepted::InForce)] {
+            let mut scenario = Scenario::nothing_received(ecu, ecu.config());
+            let mut last = None;
+            for _ in 0..80 {
+                if higher {
+                    scenario.command(run(0)).unwrap_err();
+                }
+                last = Some(scenario.command_from(Command::Standby, Origin::Bench));
+                scenario.pass_us(COMMAND_PERIOD_US);
+            }
+            assert_eq!(last, Some(Ok(answer)), "{ecu:?}");
+            let order = if higher { Order::Listen } else { Order::Standby };
+            assert_eq!(scenario.order(), order, "{ecu:?}");
+        }
+    }
+}

@@ -241,3 +241,59 @@ fn zk_an_engine_whose_ecu_cannot_restart_it_has_failed() {
     minutes(&mut scenario, 2, 0);
     assert_eq!((scenario.order(), scenario.bench.machine.failed()), (Order::Standby, false), "a start");
 }
+
+/// The time of a start is fixed when it is ordered. The event has that time, also if the ECU reports a start-up time of its own since.
+#[test]
+fn zk_a_start_that_times_out_is_reported_with_the_time_that_it_had() {
+    let config = Ecu::Zk.with(|rules| rules.start.timeout = Duration::from_secs(20));
+    for reported in [false, true] {
+        let mut scenario = Scenario::ready(Ecu::Zk, config);
+        scenario.command(run(0)).unwrap();
+        scenario.reports(Reports::Starting);
+        if reported {
+            // 4 s.
+            scenario.bench.receive(&zk_frames::status(8, TURNING, [5, 0, 40]));
+            assert_eq!(scenario.telemetry().report.startup.unwrap().value, Duration::from_secs(4));
+        }
+        scenario.bench.events();
+        scenario.fly_us(run(0), Origin::Rc, 21 * SECOND);
+        let timeouts = scenario.violations().into_iter();
+        let timeouts: Vec<_> = timeouts.map(|timeout| (timeout.kind, timeout.value, timeout.limit)).collect();
+        assert_eq!(timeouts, [(LimitKind::StartTimeout, 20_000, 20_000)], "{reported}");
+    }
+}
+
+/// A start-up time of 0 is none: the configured timeout applies.
+#[test]
+fn zk_a_start_up_time_of_0_is_none() {
+    for (tenths_of_a_second, seconds) in [(0, 20), (40, 8)] {
+        let config = Ecu::Zk.with(|rules| rules.start.timeout = Duration::from_secs(20));
+        let mut scenario = Scenario::ready(Ecu::Zk, config);
+        scenario.bench.receive(&zk_frames::status(8, 0, [5, 0, tenths_of_a_second]));
+        assert!(scenario.telemetry().report.startup.is_some());
+        scenario.command(run(0)).unwrap();
+        scenario.reports = Some(Reports::Starting);
+        scenario.fly_us(run(0), Origin::Rc, seconds * SECOND - 1);
+        assert!(matches!(scenario.order(), Order::Run(_)), "{tenths_of_a_second}");
+        scenario.pass_us(1);
+        assert_eq!(scenario.order(), Order::Standby, "{tenths_of_a_second}");
+    }
+}
+
+/// A set that arrives when a timer is due, and before the node has handled it: the reply already has the order of after that time.
+#[test]
+fn amt_a_set_that_arrives_when_a_start_times_out_is_answered_with_standby() {
+    for (before_us, wire) in [(1, Wire::Run(0)), (0, Wire::Standby)] {
+        let config = Ecu::Amt.with(|rules| rules.start.timeout = Duration::from_secs(20));
+        let mut scenario = Scenario::ready(Ecu::Amt, config);
+        let over = scenario.now_us() + 20 * SECOND;
+        scenario.command(run(0)).unwrap();
+        scenario.reports = Some(Reports::Starting);
+        scenario.fly_us(run(0), Origin::Rc, 20 * SECOND - FRAME_PERIOD_US / 2);
+        scenario.sent();
+        let set = Ecu::Amt.frame(Reports::Starting, scenario.values);
+        scenario.bench.jump_to_us(over - before_us);
+        scenario.bench.receive(&set);
+        assert_eq!(scenario.sent(), [wire], "{before_us} us before");
+    }
+}

@@ -324,3 +324,51 @@ fn the_pump_of_an_engine_that_does_not_receive_its_standby_is_not_closed() {
         assert_eq!(closes(&scenario.bench.bytes()), closed, "{reports:?}");
     }
 }
+
+/// A start opens the pump: the first voltage is normal, also while the engine is still reported at rest. Without the start, it is
+/// that of a pump that was left open.
+#[test]
+fn the_pump_of_a_start_is_not_closed_while_its_engine_is_still_reported_at_rest() {
+    for (command, closed) in [(run(0), 0), (Command::Standby, 10)] {
+        let mut scenario = Scenario::ready(Ecu::Zk, Ecu::Zk.config()).reset(Ecu::Zk.config());
+        scenario.reports(Reports::Standby).pass_us(2 * SECOND);
+        scenario.command(Command::Arm).unwrap();
+        scenario.command(Command::Standby).unwrap();
+        scenario.pass_us(COMMAND_PERIOD_US);
+        scenario.command(command).unwrap();
+        for _ in 0..20 {
+            scenario.fly_us(command, Origin::Rc, COMMAND_PERIOD_US);
+            scenario.bench.receive(&zk_frames::status(2, 0, [50, 60, 30]));
+        }
+        assert_eq!(matches!(scenario.order(), Order::Run(_)), closed == 0, "{}", scenario.order());
+        assert_eq!(closes(&scenario.bench.bytes()), closed, "{command:?}");
+    }
+}
+
+/// A voltage of zero confirmed that the pump was closed: after a flight, a voltage is that of the engine that stops. A pump whose
+/// closing was never confirmed is closed again.
+#[test]
+fn the_pump_that_was_confirmed_closed_before_a_flight_is_not_closed_after_it() {
+    for (voltage, closed) in [(Some(0), 0), (None, 10)] {
+        let mut scenario = pump_open();
+        scenario.command(Command::Standby).unwrap();
+        scenario.pass_us(2 * SECOND);
+        if let Some(voltage) = voltage {
+            scenario.bench.receive(&zk_frames::status(2, 0, [50, 60, voltage]));
+        }
+        scenario.fly_us(Command::Standby, Origin::Rc, SECOND);
+        assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce));
+        for reports in [Reports::Starting, Reports::Running] {
+            scenario.reports(reports);
+            scenario.fly_us(run(0), Origin::Rc, SECOND);
+        }
+        scenario.bench.receive(&zk_frames::status(2, TURNING, [50, 60, 30]));
+        scenario.bench.frames();
+        scenario.shut_down().unwrap();
+        assert_eq!(scenario.order(), Order::Standby);
+        assert_eq!(scenario.bench.machine.record().pump_open, closed > 0, "{voltage:?}");
+        scenario.command(Command::Disarm).unwrap();
+        scenario.pass_us(2 * SECOND);
+        assert_eq!(closes(&scenario.bench.bytes()), closed, "{voltage:?}");
+    }
+}

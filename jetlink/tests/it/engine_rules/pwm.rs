@@ -1,6 +1,7 @@
 //! Hand-over to the PWM input.
 
 use super::*;
+use jetlink::limit::LimitKind;
 
 /// "A hand-over ... counts as a start", "ends when its source is lost or no longer in control": the permission of a source
 /// that has been lost for 10 min.
@@ -110,5 +111,29 @@ fn a_hand_over_keeps_other_engines_from_a_start_until_its_own_runs() {
             scenario.pass_us(SECOND / 10);
         }
         assert_eq!(blocks(&scenario), expected, "{reports:?}");
+    }
+}
+
+/// A hand-over counts as a start, and has its time: at its end standby is sent, to the tick, between two send slots. One whose engine
+/// runs in time continues.
+#[test]
+fn a_hand_over_whose_engine_does_not_run_in_time_ends_to_the_tick() {
+    use Reports::{Running, Standby, Starting};
+    for (reports, ends) in [(&[Standby][..], true), (&[Starting], true), (&[Starting, Running], false)] {
+        let config = Ecu::Zk.with(|s| s.start.timeout = micros(20 * SECOND));
+        let mut scenario = Scenario::ready(Ecu::Zk, config);
+        scenario.fly_us(Command::Standby, Origin::Rc, 2 * SECOND);
+        scenario.pass_us(FRAME_PERIOD_US / 4);
+        let start = scenario.now_us();
+        assert_eq!(scenario.command(Command::HandOverToPwm), Ok(Accepted::InForce));
+        for reports in reports {
+            scenario.reports(*reports);
+        }
+        scenario.run_to_us(start + 20 * SECOND - 1);
+        scenario.bench.events();
+        assert_eq!(scenario.order(), Order::Pwm, "{reports:?}");
+        scenario.pass_us(1);
+        assert_eq!(scenario.order() == Order::Standby, ends, "{reports:?}");
+        assert_eq!(scenario.limits(), [LimitKind::StartTimeout][usize::from(!ends)..], "{reports:?}");
     }
 }

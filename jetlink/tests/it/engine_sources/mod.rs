@@ -2,6 +2,7 @@
 
 mod arbitration;
 mod loss;
+mod silence;
 mod slew;
 
 use embassy_time::Duration;

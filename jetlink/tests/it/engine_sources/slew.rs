@@ -142,6 +142,32 @@ fn an_engine_has_failed_when_it_stops_without_a_command() {
     }
 }
 
+/// An engine that fell silent has recovered when its life is confirmed: reports that show nothing are not enough.
+#[test]
+fn an_engine_that_fell_silent_recovers_when_its_life_is_confirmed() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::started(ecu, percent(50));
+        scenario.silent().fly_us(run(50), Origin::Rc, 3 * SECOND);
+        for (reports, recovered) in [(Reports::Unknown, false), (Reports::Running, true)] {
+            scenario.reports = Some(reports);
+            scenario.fly_us(run(50), Origin::Rc, SECOND);
+            assert_eq!(scenario.telemetry().link, LinkState::Up, "{ecu:?} {reports:?}");
+            assert_eq!(scenario.telemetry().in_doubt.is_none(), recovered, "{ecu:?} {reports:?}");
+            assert_eq!(scenario.bench.machine.failed(), !recovered, "{ecu:?} {reports:?}");
+        }
+    }
+}
+
+/// A fault beside "running" is no failure.
+#[test]
+fn zk_an_engine_that_runs_with_a_fault_has_not_failed() {
+    let mut scenario = Scenario::started(Ecu::Zk, percent(50));
+    scenario.values.fault = 1;
+    scenario.reports(Reports::Running).fly_us(run(50), Origin::Rc, 5 * SECOND);
+    assert!(scenario.telemetry().report.is_faulty());
+    assert!(!scenario.bench.machine.failed());
+}
+
 /// A limit whose action is the fail-safe throttle holds it there until standby, whatever the source commands.
 #[test]
 fn a_limit_can_lower_the_throttle() {
@@ -314,6 +340,30 @@ fn an_ecu_that_does_not_obey_is_reported() {
         scenario.values.half_percents = half_percents;
         scenario.fly_us(run(50), Origin::Rc, 5 * SECOND);
         assert_eq!(reported(&mut scenario), expected, "{half_percents}");
+    }
+}
+
+/// Only of a running engine does the throttle have to be the ordered one: not in a start, and not while a service shuts it down.
+#[test]
+fn amt_13_another_throttle_is_obedience_in_a_start_and_in_a_shutdown() {
+    let table: [(Reports, bool, bool); 3] =
+        [(Reports::Starting, false, true), (Reports::Running, true, true), (Reports::Running, false, false)];
+    for (reports, ctf, obeyed) in table {
+        let mut scenario = if reports == Reports::Starting {
+            let mut scenario = Scenario::ready(Ecu::Amt, Ecu::Amt.config());
+            scenario.command(run(0)).unwrap();
+            scenario
+        } else {
+            Scenario::started(Ecu::Amt, percent(0))
+        };
+        if ctf {
+            scenario.command(Command::Service(Service::Amt(amt::config::Service::Ctf))).unwrap();
+        }
+        scenario.values.half_percents = 60;
+        scenario.reports(reports).fly_us(run(0), Origin::Rc, 5 * SECOND);
+        assert!(matches!(scenario.order(), Order::Run(_)), "{reports:?} {ctf}");
+        assert_eq!(scenario.telemetry().obeyed, obeyed, "{reports:?} {ctf}");
+        assert_eq!(scenario.bench.event_kinds().contains(&Event::NotObeyed), !obeyed, "{reports:?} {ctf}");
     }
 }
 

@@ -53,6 +53,28 @@ fn in_doubt_only_keep_alives_and_in_mode_3_the_rpm_are_sent() {
     assert_eq!(slots(&mut bench, 10), vec![zk::keep_alive().to_vec(); 10]);
 }
 
+/// ZK-9: mode 3 is in force once its ID 6 was sent. In doubt before that, an rpm is ID 0, whether the version is known or not.
+#[test]
+fn zk_9_in_doubt_before_mode_3_is_in_force_no_rpm_is_sent() {
+    for (slots_before, sent) in [(1, vec![0; 4]), (2, vec![0, 7, 0, 7])] {
+        for lost in [false, true] {
+            let mut bench = running(5);
+            bench.order_at_us(bench.now_us(), rpm(100_000)).unwrap();
+            assert_eq!(ids(&slots(&mut bench, slots_before)), [7, 6][..slots_before]);
+            bench.order_at_us(bench.now_us(), Order::Doubt(Demand::Rpm(Rpm::new(100_000)))).unwrap();
+            if lost {
+                bench.run_to_us(bench.now_us() + 600_000);
+                assert_eq!(bench.machine.status().report.version, None);
+            }
+            let mut frames = ids(&slots(&mut bench, 4));
+            if frames[0] != sent[0] {
+                frames.rotate_left(1);
+            }
+            assert_eq!(frames, sent, "after {slots_before} frames, lost: {lost}");
+        }
+    }
+}
+
 /// The pump is closed by ten frames of ID 2, parameter 13, in every second slot after the first frame of a stop, whatever is received,
 /// also while the version is not known. It ends sooner if the ECU reports a pump without voltage. An ECU that is known not to have the
 /// command does not get it (ZK-7).
@@ -133,6 +155,10 @@ fn each_status_gives_the_observation_of_its_state() {
         (None, Some(160), 16_000),
         (Some(30), Some(160), 15_000),
         (Some(30), None, 15_000),
+        // A speed of 0 counts as unknown: otherwise every shaft would turn.
+        (Some(0), Some(160), 16_000),
+        (Some(0), Some(0), 10_000),
+        (None, Some(0), 10_000),
     ] {
         let mut bench = link(Config::DEFAULT, LINE);
         for _ in 0..2 {
@@ -196,5 +222,28 @@ fn three_missing_frames_are_a_gap() {
         assert_eq!(gap(&bench), Some(125_000 + three), "rate {rate}");
         bench.act(|link, _| link.gap());
         assert_eq!(gap(&bench), None, "it is announced once");
+    }
+}
+
+/// Damaged frames count each, also where a late one shortens the pause before the next: at 100 Hz and 9600 baud a pause is 2.7 ms, and
+/// two thirds of it separate two bursts. After less than that, the bytes belong to one burst.
+#[test]
+fn a_damaged_frame_counts_after_two_thirds_of_the_pause_at_a_high_rate() {
+    const BYTE_US: u64 = 1042;
+    for (pause, counts) in [(2_200, true), (1_700, false)] {
+        let mut bench = link(Config { rate: Rate::Hz100, ..Config::DEFAULT }, LINE);
+        bench.rx_at_us(10_000, &zk::identity(160, 4, 2));
+        let mut damaged = zk::state(STATE_RUNNING);
+        damaged[5] ^= 0x10;
+        // Six of seven bytes are enough: one may have been lost.
+        let mut sixth = Vec::new();
+        for begin in [20_000, 20_000 + 6 * BYTE_US + pause] {
+            for (n, byte) in (0..).zip(damaged) {
+                bench.rx_at_us(begin + n * BYTE_US, &[byte]);
+            }
+            sixth.push(begin + 5 * BYTE_US);
+        }
+        let last = if counts { sixth[1] } else { sixth[0] };
+        assert_eq!(bench.machine.gap_at(), Some(at_us(last + 30_000)), "{pause} µs");
     }
 }

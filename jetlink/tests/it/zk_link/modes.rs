@@ -349,3 +349,86 @@ fn zk_7_standby_is_not_sent_by_id_6_to_an_older_ecu_at_rest() {
         assert!(sent.iter().any(|frame| id(frame) == 1), "{version}, state {state}");
     }
 }
+
+/// ZK-8, ZK-9: an ID 6 with SW 0 releases the switch. From then on the ECU obeys ID 1: neither the hand-over nor the standby after it
+/// uses ID 6 again, also after a reset.
+#[test]
+fn zk_8_after_a_hand_over_the_switch_is_given_by_id_1() {
+    let lost = |bench: &Bench<ZkLink>| {
+        let mut reset = link(Config::DEFAULT, LINE);
+        reset.machine.restore(bench.machine.record());
+        reset.order_at_us(0, Order::Standby).unwrap();
+        ids(&slots(&mut reset, 4))
+    };
+    let mut bench = running(4);
+    bench.order_at_us(bench.now_us(), rpm(80_000)).unwrap();
+    assert_eq!(ids(&slots(&mut bench, 4)), [7, 6, 7, 6]);
+    assert!(lost(&bench).contains(&6), "in mode 3");
+    bench.order_at_us(bench.now_us(), Order::Pwm).unwrap();
+    assert_eq!(ids(&slots(&mut bench, 6)), [1, 6, 1, 1, 1, 1]);
+    assert_eq!(lost(&bench), [1; 4], "handed over");
+    bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
+    assert_eq!(slots(&mut bench, 4), vec![zk::throttle_tenths(STANDBY, 0).to_vec(); 4]);
+}
+
+/// ZK-7, ZK-8: the hand-over of an ECU that was found running repeats ID 6 with SW 0. One that is not sent gives no switch: when the
+/// version is no longer known, standby is sent by ID 1 alone. An ID 6 with a switch may have reached the ECU.
+#[test]
+fn zk_8_a_repeated_release_that_was_not_sent_gives_no_switch() {
+    for (order, by_id6) in [(Order::Pwm, false), (throttle_tenths(0), true)] {
+        let mut bench = met_running(4);
+        bench.order_at_us(bench.now_us(), order).unwrap();
+        assert!(ids(&slots(&mut bench, 4)).contains(&6), "{order:?}");
+        bench.run_to_us(bench.now_us() + 20_000);
+        let mut bench = bench.by_hand();
+        while !bench.busy() || bench.bytes().iter().all(|frame| id(frame) != 6) {
+            if bench.busy() {
+                bench.sent_at_us(bench.now_us());
+            }
+            bench.frames();
+            bench.run_to_us(bench.now_us() + 10_000);
+        }
+        // The UART reports it so late that the link is lost, and with it the version.
+        bench.run_to_us(bench.now_us() + 600_000);
+        assert_eq!(bench.machine.status().report.version, None);
+        bench.not_sent_at_us(bench.now_us(), NotSent::TimedOut);
+        bench.order_at_us(bench.now_us(), Order::Standby).unwrap();
+        let mut sent = Vec::new();
+        for _ in 0..20 {
+            bench.run_to_us(bench.now_us() + 10_000);
+            sent.extend(bench.bytes());
+            if bench.busy() {
+                bench.sent_at_us(bench.now_us());
+            }
+        }
+        assert!(sent.iter().all(|frame| switch_of(frame) == Some(STANDBY)), "{order:?}: {sent:02x?}");
+        assert_eq!(ids(&sent).contains(&6), by_id6, "{order:?}: {sent:02x?}");
+    }
+}
+
+/// ZK-7: an rpm is in force, and two reports agree on a version without speed control: until another order, idle by ID 1.
+#[test]
+fn zk_7_an_rpm_in_force_becomes_idle_for_a_version_without_speed_control() {
+    let mut bench = running(4);
+    bench.order_at_us(bench.now_us(), rpm(80_000)).unwrap();
+    bench.receive(&zk::identity(160, 3, 0));
+    assert_eq!(ids(&slots(&mut bench, 4)), [7, 6, 7, 6], "one report");
+    bench.receive(&zk::identity(160, 3, 0));
+    assert_eq!(slots(&mut bench, 4), vec![zk::throttle_tenths(RUN, 0).to_vec(); 4]);
+}
+
+/// ZK-8, ZK-9: mode 2 begins with its first ID 6. An ECU that was sent none is handed over by ID 1 alone.
+#[test]
+fn zk_8_a_hand_over_before_any_id_6_is_sent_by_id_1_alone() {
+    for (before, by_id6) in [(None, false), (Some(Order::Standby), true)] {
+        let mut bench = ecu_with(Config { split_switch: true, ..Config::DEFAULT }, 4, 160);
+        if let Some(order) = before {
+            bench.order_at_us(bench.now_us(), order).unwrap();
+            slots(&mut bench, 2);
+        }
+        bench.order_at_us(bench.now_us(), Order::Pwm).unwrap();
+        let sent = slots(&mut bench, 4);
+        assert!(sent.iter().all(|frame| switch_of(frame) == Some(PWM)), "{before:?}: {sent:02x?}");
+        assert_eq!(ids(&sent).contains(&6), by_id6, "{before:?}: {sent:02x?}");
+    }
+}

@@ -300,3 +300,16 @@ fn the_rest_of_a_frame_before_a_pause_does_not_become_a_frame() {
     assert_eq!(phase(5_000), None, "a false frame, which is not known for one, and a true one do not agree");
     assert_eq!(phase(40_000), Some(Phase::Running), "two true frames");
 }
+
+/// Where no frame is expected, bytes before a pause of more than half of the ECU's interval are the rest of a frame that broke off:
+/// the bytes after it do not complete it.
+#[test]
+fn a_frame_that_pauses_for_more_than_half_of_an_interval_is_not_completed() {
+    for (pause, frames) in [(22_500, 1), (25_000, 1), (25_001, 0), (27_500, 0)] {
+        let mut bench = link(Config::DEFAULT, LINE);
+        let frame = zk::state(STATE_STANDBY);
+        bench.rx_at_us(10_000, &frame[..4]);
+        bench.rx_at_us(10_000 + pause, &frame[4..]);
+        assert_eq!(bench.machine.status().counters.frames, frames, "{pause} µs");
+    }
+}

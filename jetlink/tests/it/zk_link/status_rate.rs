@@ -106,3 +106,20 @@ fn zk_11_frames_are_expected_at_the_slower_rate_until_the_ecu_reports_the_new_on
     assert_eq!(gap_us(&mut bench, &zk::identity(160, 5, 2)), 30_000);
     assert_eq!(gap_us(&mut bench, &zk::identity(160, 5, 0)), 150_000);
 }
+
+/// ZK-11: the slower rate of the ECU stays known when the link is lost: one report of a faster one, which may be a damaged frame, does
+/// not shorten the time to a gap. Two do.
+#[test]
+fn zk_11_after_a_loss_one_report_of_a_faster_rate_is_not_expected() {
+    let mut bench = link(Config { rate: Rate::Hz100, ..Config::DEFAULT }, LINE);
+    let gap_us = |bench: &mut Bench<ZkLink>, rate_code: u8| {
+        bench.receive(&zk::identity(160, 5, rate_code));
+        bench.machine.gap_at().expect("frames are expected").as_micros() - bench.now_us()
+    };
+    assert_eq!(gap_us(&mut bench, 0), 150_000);
+    assert_eq!(gap_us(&mut bench, 0), 150_000);
+    bench.run_to_us(bench.now_us() + 600_000);
+    assert_eq!(bench.machine.status().state, LinkState::Lost);
+    assert_eq!(gap_us(&mut bench, 2), 150_000);
+    assert_eq!(gap_us(&mut bench, 2), 30_000);
+}

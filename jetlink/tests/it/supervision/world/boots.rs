@@ -3,6 +3,7 @@
 use super::super::oracle::{Input, Retained};
 use super::super::rng::Rng;
 use super::rig::{MS, Rig, SECOND, command_as, now, throttle_tenths};
+use crate::support::memory::{WORDS, words};
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, ReadReady};
 use jetlink::channel::Owner;
@@ -14,19 +15,8 @@ use jetlink::runner::LineErrors;
 use sim::clock;
 use std::future::{Future, poll_fn};
 use std::pin::{Pin, pin};
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::Ordering;
 use std::task::Poll;
-
-/// Words of one copy of a record.
-const WORDS: usize = 6;
-
-/// The words of a record, to leave them as a reset during a write would.
-fn words(memory: &RetainedMemory) -> &[AtomicU32; 2 * WORDS] {
-    const { assert!(size_of::<RetainedMemory>() == size_of::<[AtomicU32; 2 * WORDS]>()) };
-    // SAFETY: a `RetainedMemory` is two copies of six atomic words and nothing else, as the assertion on its size checks, and
-    // atomic words may be shared and take any value.
-    unsafe { &*std::ptr::from_ref(memory).cast() }
-}
 
 /// Why a boot ended.
 pub(super) enum End {
