@@ -177,7 +177,7 @@ impl Sources {
                 // "Present" is treated as silence from the first such command on.
                 (Intent::Nothing, Some(Source { intent: Intent::Nothing, silent_from, .. })) => silent_from,
                 (Intent::Nothing, Some(source)) => source.silent_from.min(now),
-                (Intent::Nothing, None) => now,
+                (Intent::Nothing, None) => Instant::MIN,
                 _ => now.checked_add(timeout).unwrap_or(Instant::MAX),
             };
             let period = before
@@ -319,7 +319,14 @@ impl Sources {
                 let received = source.steady_before + source.last_rx.saturating_duration_since(source.since);
                 received.max(Duration::from_ticks(1))
             }
-            Some(source) if !source.received && silent < self.timeouts.of(origin) => source.steady_before,
+            // It was resumed at `last_rx`, and others may have been received since.
+            Some(source)
+                if !source.received
+                    && silent.max(now.saturating_duration_since(source.last_rx))
+                        < self.timeouts.of(origin) =>
+            {
+                source.steady_before
+            }
             _ => never,
         }
     }

@@ -60,10 +60,8 @@ impl Engine {
                 let stage = if low { record.loss.max(LossStage::FailSafe) } else { record.loss };
                 (record.limited, stage, (record.silent, record.all_silent), low)
             }
-            // Of a time within the hold, the rest of it is left.
-            Beginning::Found { lost_for, .. } if lost_for > self.config.loss.hold => {
-                (false, LossStage::None, (lost_for, lost_for), false)
-            }
+            // Another reset continues it.
+            Beginning::Found { lost_for, .. } => (false, LossStage::None, (lost_for, lost_for), false),
             _ => (false, LossStage::None, Default::default(), false),
         };
         let fail_safe_at = match stage {

@@ -224,19 +224,22 @@ impl Modes {
 
     /// What is retained over a reset of the node: how the ECU is given its switch.
     pub fn record(&self) -> LinkRecord {
-        LinkRecord::new(match self.inherited {
-            _ if self.switch_by_id6() => SWITCH_BY_ID6,
-            Inherited::No { .. } if self.began_by_id1 => SWITCH_BY_ID1,
-            _ => 0,
+        LinkRecord::new(match (self.id6, self.inherited) {
+            // Of two that the ECU may have, with the larger one no code of ID 7 is too high.
+            (Id6::Sending { before, factor, .. }, _) => SWITCH_BY_ID6 | before.max(factor).get() << 1,
+            (Id6::Given { factor, .. }, _) => SWITCH_BY_ID6 | factor.get() << 1,
+            (Id6::Released, Inherited::No { .. }) if self.began_by_id1 => SWITCH_BY_ID1,
+            (Id6::Released, _) => 0,
         })
     }
 
     /// Takes what was retained.
-    pub const fn restore(&mut self, record: LinkRecord) {
-        match record.bits() {
-            SWITCH_BY_ID6 => self.id6 = Id6::Given { factor: RpmFactor::OFF, partner_due: false },
-            SWITCH_BY_ID1 => self.began_by_id1 = true,
-            _ => {}
+    pub fn restore(&mut self, record: LinkRecord) {
+        if record.bits() & SWITCH_BY_ID6 != 0 {
+            let factor = RpmFactor::new(record.bits() >> 1).unwrap_or(RpmFactor::OFF);
+            self.id6 = Id6::Given { factor, partner_due: false };
+        } else {
+            self.began_by_id1 = record.bits() == SWITCH_BY_ID1;
         }
     }
 
@@ -297,7 +300,7 @@ impl Modes {
 
     fn compose(&mut self, known: &Known) -> Control {
         let by_id6 = self.by_id6(known);
-        let (id6_given, factor_given) = (self.switch_by_id6(), self.id6.factor());
+        let factor_given = self.id6.factor();
         // The ECU ignores the switch in ID 1 in modes 2 and 3. It is sent anyway, and never as SW 0, because an ECU
         // that restarted has lost ID 6 and would read SW 0 as a hand-over to PWM (ZK-8).
         let id1 = |switch, throttle| Control::Throttle { switch, throttle };
@@ -330,24 +333,19 @@ impl Modes {
                 if by_id6 { next.take(id1, id6(Switch::Run, RpmFactor::OFF)) } else { id1 }
             }
             // ID 0, and in mode 3 alternating with the rpm. An ECU that restarted has lost ID 6 and ignores ID 7.
-            Mode::Rpm { rpm, doubted: true, factor, next, .. } => {
-                // Even if its version was discarded with the link: the engine is in mode 3 with this factor.
-                let in_mode_3 =
-                    factor.is_some_and(|factor| factor == factor_given && factor != RpmFactor::OFF);
-                let takes_rpm = id6_given && known.knows_modes() && known.max_rpm.is_some();
-                match next.flip() {
-                    Half::Second if in_mode_3 || takes_rpm => {
-                        let factor = *factor.get_or_insert_with(|| covering(known));
-                        Control::Rpm(RpmCode::for_target(*rpm, factor))
-                    }
-                    _ => Control::KeepAlive,
+            // Even if its version was discarded with the link: the engine is in mode 3 with this RPM_X.
+            Mode::Rpm { rpm, doubted: true, next, .. } => match next.flip() {
+                Half::Second if factor_given != RpmFactor::OFF => {
+                    Control::Rpm(RpmCode::for_target(*rpm, factor_given))
                 }
-            }
+                _ => Control::KeepAlive,
+            },
             // The ECU that was sent the demand was replaced by one of a version without speed control.
             Mode::Rpm { .. } if !known.knows_modes() => id1(Switch::Run, Throttle::IDLE),
-            // Mode 3. The rpm is sent first: the mode must not take effect with an old one.
+            // Mode 3. The rpm is sent first: the mode must not take effect with an old one. Under a larger RPM_X than its own it would be
+            // too high until ID 6 follows, so RPM_X never gets smaller.
             Mode::Rpm { rpm, factor, next, .. } => {
-                let factor = *factor.get_or_insert_with(|| covering(known));
+                let factor = *factor.get_or_insert_with(|| covering(known).max(factor_given));
                 next.take(Control::Rpm(RpmCode::for_target(*rpm, factor)), id6(Switch::Run, factor))
             }
         }

@@ -622,3 +622,36 @@ fn the_stages_of_loss_begin_with_a_source_that_was_there_when_its_engine_was_fou
         assert_eq!(stages(&mut scenario), expected, "{ecu:?}");
     }
 }
+
+/// A hold that two resets interrupt lasts as long as without them, also where the record has no run and the engine was found in the hold.
+#[test]
+fn a_hold_does_not_begin_again_with_an_engine_that_is_found_in_it() {
+    for ecu in BOTH {
+        for second in [Reset::Warm, Reset::PowerLost] {
+            let config = ecu.with(|rules| rules.loss.hold = Duration::from_secs(60));
+            let mut scenario = Scenario::started_with(ecu, config, percent(90));
+            scenario.reports = Some(Reports::Running);
+            scenario.fly_us(run(90), Origin::Rc, SECOND).pass_us(30 * SECOND);
+            let mut silent_us = 30 * SECOND;
+            for reset in [Reset::PowerLost, second] {
+                let record = scenario.bench.machine.record();
+                let record = if reset == Reset::Warm { record } else { record.without_start() };
+                scenario = Scenario::after_reset(ecu, config, Some(record));
+                scenario.values.half_percents = 180;
+                scenario.introduce();
+                if ecu == Ecu::Zk {
+                    for _ in 0..2 {
+                        scenario.bench.receive(&zk_frames::status(3, TURNING, [90, 0, 0]));
+                    }
+                }
+                scenario.reports = Some(Reports::Running);
+                scenario.pass_us(10 * SECOND);
+                silent_us += 10 * SECOND;
+                assert_eq!(scenario.telemetry().loss, LossStage::Hold, "{ecu:?} {reset:?}");
+            }
+            // The hold is over, with the steps in which a silence is retained.
+            scenario.pass_us(63 * SECOND - silent_us);
+            assert_eq!(scenario.telemetry().loss, LossStage::FailSafe, "{ecu:?} {second:?}");
+        }
+    }
+}

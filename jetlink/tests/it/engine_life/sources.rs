@@ -228,3 +228,50 @@ fn standby_behind_a_run_that_is_refused_ends_no_search() {
         }
     }
 }
+
+/// Nothing is retained of the stream of a lost source after its timeout, also while a lower source is received: otherwise one stray command after
+/// the next reset brings it back in control. The control: without the lower source.
+#[test]
+fn the_stream_of_a_lost_source_is_not_retained_beside_a_lower_source() {
+    for ecu in BOTH {
+        for lower in [Command::Present, Command::Standby] {
+            let config = ecu.config();
+            let fly = |scenario: &mut Scenario, commands: bool, micros: u64| {
+                let end = scenario.now_us() + micros;
+                while scenario.now_us() < end {
+                    if commands {
+                        let _ = scenario.command(run(3));
+                    }
+                    let _ = scenario.command_from(lower, Origin::Mavlink);
+                    scenario.pass_us(COMMAND_PERIOD_US);
+                }
+            };
+            let mut scenario = Scenario::started(ecu, percent(3));
+            scenario.reports = Some(Reports::Running);
+            fly(&mut scenario, true, 2 * SECOND);
+            fly(&mut scenario, false, 3 * SECOND);
+            // Shorter than it takes to be in control again.
+            fly(&mut scenario, true, 900_000);
+            assert_eq!(scenario.telemetry().loss, LossStage::FailSafe, "{ecu:?}");
+            let mut scenario = scenario.reset(config);
+            fly(&mut scenario, false, 2 * SECOND);
+            assert_eq!(scenario.bench.machine.record().steady.as_millis(), 0, "{ecu:?} {lower:?}");
+            let mut scenario = scenario.reset(config);
+            fly(&mut scenario, false, 300_000);
+            let _ = scenario.command(run(3));
+            assert_eq!(scenario.telemetry().loss, LossStage::FailSafe, "{ecu:?} {lower:?}");
+        }
+    }
+}
+
+/// A source that is present without a command is silent, also while no order is in force: it does not begin the time to standby again.
+#[test]
+fn a_source_that_is_present_for_the_first_time_does_not_delay_standby_while_listening() {
+    for ecu in BOTH {
+        let mut scenario = Scenario::after_reset(ecu, ecu.config(), None);
+        scenario.silent().pass_us(9 * SECOND);
+        scenario.command_from(Command::Present, Origin::Mavlink).unwrap();
+        scenario.pass_us(2 * SECOND);
+        assert_eq!(scenario.order(), Order::Standby, "{ecu:?}");
+    }
+}

@@ -324,3 +324,33 @@ fn a_demand_that_the_ecu_could_not_take_does_not_jump_when_it_can() {
         }
     }
 }
+
+/// The ECU keeps RPM_X over a reset of the node, and ID 7 means nothing without it.
+#[test]
+fn zk_9_a_reset_after_a_change_of_the_maximum_never_raises_the_target() {
+    for max in [160, 80] {
+        let (mut scenario, _) = at_120_000_rpm(true);
+        let demand = Command::Run(rpm(60_000));
+        scenario.fly_us(demand, Origin::Rc, 5 * SECOND);
+        identity(&mut scenario, max, 5);
+        scenario.fly_us(demand, Origin::Rc, SECOND);
+        assert!(scenario.bench.bytes().contains(&zk_frames::mode(4, 3).to_vec()), "RPM_X stays 4");
+        let record = scenario.bench.machine.record();
+        let mut scenario = Scenario::after_reset(Ecu::Zk, Ecu::Zk.config(), Some(record));
+        identity(&mut scenario, max, 5);
+        scenario.fly_us(demand, Origin::Rc, SECOND);
+        let (mut factor, mut rpms) = (4, 0);
+        for (at, frame) in scenario.bench.frames() {
+            match frame[1] >> 4 {
+                6 => factor = u32::from(frame[2] >> 2),
+                7 => {
+                    rpms += 1;
+                    let target = u32::from(u16::from_be_bytes([frame[1] & 0x0F, frame[2]])) * factor * 10;
+                    assert!(target <= 60_000, "maximum {max}: {target} rpm at {at} µs");
+                }
+                _ => {}
+            }
+        }
+        assert!(rpms > 0, "the demand is sent");
+    }
+}
