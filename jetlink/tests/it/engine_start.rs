@@ -632,13 +632,16 @@ fn a_start_times_out_after_twice_the_ecus_own_start_up_time() {
     assert_eq!(at, start + twice);
 }
 
-/// The range of the configured time applies: not shorter than an engine needs to start, and not endless.
+/// The range of the configured time applies: not shorter than an engine needs to start, and not endless. A time of 0 is none: the
+/// configured one applies.
 #[test]
 fn the_ecus_own_start_up_time_has_bounds() {
-    for (tenths_of_a_second, seconds) in [(5u16, 5), (40, 8), (0xFFF, 600)] {
-        let mut scenario = Scenario::with(Ecu::Zk, Ecu::Zk.config());
+    let config = Ecu::Zk.with(|rules| rules.start.timeout = Duration::from_secs(20));
+    for (tenths_of_a_second, seconds) in [(0u16, 20), (5, 5), (40, 8), (0xFFF, 600)] {
+        let mut scenario = Scenario::with(Ecu::Zk, config);
         let [high, low] = tenths_of_a_second.to_be_bytes();
         scenario.bench.receive(&zk_frames::status(8, 0, [5, high, low]));
+        assert!(scenario.telemetry().report.startup.is_some());
         scenario.reports(Reports::Standby).pass_us(2 * SECOND);
         scenario.command(Command::Arm).unwrap();
         scenario.command(Command::Standby).unwrap();

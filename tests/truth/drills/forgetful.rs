@@ -1,6 +1,6 @@
 //! Drills in flight of a node that is reset, and receives little before it has to act.
 
-use super::{Director, Step, fault, once, resets_apart, silent, stream, throttle};
+use super::{Director, Step, fault, first_after_a_loss, once, resets_apart, silent, stream, throttle};
 use crate::ecus::Odd;
 use crate::faults::{Fault, NO_FRAME};
 use crate::history::{Cause, Demanded, MS, PilotCommand, SECOND};
@@ -22,16 +22,8 @@ impl Director {
 
     /// Two reports of a running engine with a shaft at rest: no engine is found by them.
     fn slow_after_a_loss(&self, rng: &mut Rng) -> Vec<Step> {
-        let slow = fault(Fault::OddFrame(Odd::SlowShaft), MS);
         let length = self.outlived(rng.between(700, 1200) * MS);
-        vec![
-            fault(Fault::CutToNode, length),
-            Step::Reset(Cause::PowerOn, 20 * MS),
-            Step::Wait(length - 80 * MS),
-            slow,
-            slow,
-            Step::Wait(3 * SECOND),
-        ]
+        [first_after_a_loss(length, Odd::SlowShaft), vec![Step::Wait(3 * SECOND)]].concat()
     }
 
     /// The node is reset, and nothing is received of the ECU since: standby has to reach it in whichever way it takes a switch.

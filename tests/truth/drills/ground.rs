@@ -1,6 +1,9 @@
 //! Drills of an engine at rest, and in a start.
 
-use super::{Condition, Director, IDLE, OPEN_PUMP, Step, beside, fault, once, silent, stream, throttle};
+use super::{
+    Condition, Director, IDLE, OPEN_PUMP, Step, beside, fault, first_after_a_loss, once, silent, stream,
+    throttle,
+};
 use crate::acts::Act;
 use crate::ecus::Odd;
 use crate::faults::Fault;
@@ -145,18 +148,8 @@ impl Director {
 
     /// A node without memory, and two reports of a running engine with a shaft at rest: no engine is found by them.
     fn false_reports(&self, rng: &mut Rng) -> Vec<Step> {
-        let runs = fault(Fault::OddFrame(Odd::RunsAtRest), MS);
-        let length = rng.between(700, 1500) * MS;
-        let steps = vec![
-            silent(self.main),
-            fault(Fault::CutToNode, length),
-            Step::Reset(Cause::PowerOn, 20 * MS),
-            Step::Wait(length - 80 * MS),
-            runs,
-            runs,
-            Step::Wait(5 * SECOND),
-        ];
-        [steps, self.again()].concat()
+        let reports = first_after_a_loss(rng.between(700, 1500) * MS, Odd::RunsAtRest);
+        [vec![silent(self.main)], reports, vec![Step::Wait(5 * SECOND)], self.again()].concat()
     }
 
     fn low_supply(&self, rng: &mut Rng) -> Vec<Step> {
@@ -431,29 +424,30 @@ impl Director {
         (name, [begin, steps, runs].concat())
     }
 
+    /// As a start, it gets no demand before it runs, and a disarm ends it.
+    fn reset_late_in_a_start(&self, rng: &mut Rng) -> Vec<Step> {
+        let meanwhile = match rng.percent(50) {
+            true => stream(self.main, throttle(800)),
+            false => once(rng.below(4) as usize, PilotCommand::Disarm),
+        };
+        vec![
+            stream(self.main, IDLE),
+            Step::Until(Condition::Starts, 6 * SECOND),
+            Step::Until(Condition::Turns, 14 * SECOND),
+            Step::Reset(Cause::Watchdog, 20 * MS),
+            Step::Wait(200 * MS),
+            meanwhile,
+            Step::Wait(6 * SECOND),
+        ]
+    }
+
     /// The node learns too late, or not at all, what becomes of a start.
     fn unlucky_start(&self, rng: &mut Rng) -> (&'static str, Vec<Step>) {
         let begin = stream(self.main, IDLE);
-        let late = self.traits().replies_only && rng.percent(40);
-        match if late { 4 } else { rng.below(4) } {
-            4 => {
-                // As a start, it gets no demand before it runs, and a disarm ends it.
-                let meanwhile = if rng.percent(50) {
-                    stream(self.main, throttle(800))
-                } else {
-                    once(rng.below(4) as usize, PilotCommand::Disarm)
-                };
-                let reset = Step::Reset(Cause::Watchdog, 20 * MS);
-                let turns = Step::Until(Condition::Turns, 14 * SECOND);
-                let steps = vec![
-                    begin,
-                    Step::Until(Condition::Starts, 6 * SECOND),
-                    turns,
-                    reset,
-                    Step::Wait(200 * MS),
-                ];
-                ("a reset late in a start", [steps, vec![meanwhile, Step::Wait(6 * SECOND)]].concat())
-            }
+        if self.traits().replies_only && rng.percent(40) {
+            return ("a reset late in a start", self.reset_late_in_a_start(rng));
+        }
+        match rng.below(4) {
             0 => {
                 let short = rng.between(20, 120) * MS;
                 let dips = (0..4).flat_map(|_| {

@@ -9,6 +9,7 @@ mod ground;
 mod play;
 
 use crate::acts::{Act, Blow};
+use crate::ecus::Odd;
 use crate::faults::Fault;
 use crate::history::{Cause, Demanded, MS, PilotCommand, Rules, SECOND};
 use crate::kind::Traits;
@@ -91,6 +92,18 @@ fn throttle(tenths: u32) -> PilotCommand {
 /// Resets by the watchdog, one after the other, with this time between them.
 fn resets_apart(count: u64, runs: u64) -> Vec<Step> {
     [Step::Reset(Cause::Watchdog, 20 * MS), Step::Wait(runs)].repeat(count as usize)
+}
+
+/// The first that a node without memory receives, at the end of a cut of this length: two such reports, which no ECU sent.
+fn first_after_a_loss(length: u64, odd: Odd) -> Vec<Step> {
+    let report = fault(Fault::OddFrame(odd), MS);
+    vec![
+        fault(Fault::CutToNode, length),
+        Step::Reset(Cause::PowerOn, 20 * MS),
+        Step::Wait(length - 80 * MS),
+        report,
+        report,
+    ]
 }
 
 /// The flame goes out, and cannot be lit again for this time.

@@ -3,6 +3,7 @@
 use super::control::CommandLog;
 use crate::history::{Demanded, History, MS, Mark, SECOND, Spans};
 use crate::kind::Traits;
+use sim::turbine::Phase;
 use std::collections::BTreeMap;
 
 /// What must hold.
@@ -310,6 +311,11 @@ pub fn two_states(h: &History) -> u64 {
     } else {
         (reports + 2) * rules.period + 300 * MS
     }
+}
+
+/// A start whose engine has not come to its idle speed yet.
+pub const fn spins_up(phase: Phase) -> bool {
+    matches!(phase, Phase::Ignition | Phase::Preheat | Phase::FuelRamp)
 }
 
 /// Above the fail-safe, by more than the resolution of the wire.

@@ -84,8 +84,7 @@ impl Case<'_> {
         let gap = self.blind.iter().any(|(from, to)| {
             to > when && to <= at && (self.gap()..most).contains(&(to - from)) && at - when < most
         });
-        let hung =
-            h.stalls.iter().chain(h.reopened.iter().flatten()).any(|freed| (when..=at).contains(freed));
+        let hung = h.stalls.iter().chain(h.reopened.iter().flatten()).any(|freed| (when..at).contains(freed));
         (gap || hung)
             && !self.down.touches(when.saturating_sub(SECOND), at)
             && !h.noise.touches(when.saturating_sub(SECOND), at)

@@ -1,9 +1,8 @@
 //! What is sent while it is unknown whether an engine lives: nothing that could start one, and everything that
 //! may be sent.
 
-use super::case::{Case, Rule, seconds};
-use crate::history::{Cause, Demanded, Frame, MS, Mark, PilotCommand, SECOND, Sample, Sent, Spans, Switch};
-use sim::turbine::Phase;
+use super::case::{Case, Rule, seconds, spins_up};
+use crate::history::{Cause, Demanded, Frame, MS, Mark, PilotCommand, SECOND, Sent, Spans, Switch};
 
 /// Time for which damaged frames count as frames.
 const DAMAGED_MAX: u64 = 10 * SECOND;
@@ -122,6 +121,13 @@ impl Case<'_> {
         }
     }
 
+    /// Something other than an ECU's faults may decide what goes out: sets that are not received, a reset, a stop, PWM.
+    fn may_be_decided_otherwise(&self, from_us: u64, to_us: u64) -> bool {
+        let h = self.h;
+        let all = [&self.blind, &self.down, &h.noise, &h.garbled, &self.stopped, &h.pwm];
+        all.iter().any(|spans| spans.touches(from_us, to_us))
+    }
+
     /// When the faults of an AMT ECU clear, it gets no run before a set says that the engine runs.
     fn another_state_after_faults(&mut self) {
         let h = self.h;
@@ -133,11 +139,10 @@ impl Case<'_> {
             let shown = h.samples(to, h.end).iter().find(|sample| !sample.hidden || sample.fault);
             let (first, last) =
                 (to + period + 60 * MS, shown.map_or(h.end, |sample| sample.at).saturating_sub(60 * MS));
-            let disturbed = [&self.blind, &self.down, &h.noise, &h.garbled, &self.stopped, &h.pwm];
             if first >= last
                 || !self.known_to_run(since)
                 || h.samples(from.saturating_sub(SECOND), from).iter().any(|sample| sample.hidden)
-                || disturbed.iter().any(|spans| spans.touches(since, last))
+                || self.may_be_decided_otherwise(since, last)
             {
                 continue;
             }
@@ -165,17 +170,14 @@ impl Case<'_> {
             let since = from.saturating_sub(2 * SECOND);
             // Until it may be reported to run, or is out.
             let first = lit.max(to) + period + 60 * MS;
-            let begins =
-                |sample: &Sample| matches!(sample.phase, Phase::Ignition | Phase::Preheat | Phase::FuelRamp);
-            let ends = h.samples(first, h.end).iter().find(|sample| !begins(sample) || sample.fault);
+            let ends = h.samples(first, h.end).iter().find(|sample| !spins_up(sample.phase) || sample.fault);
             let last = ends.map_or(h.end, |sample| sample.at).saturating_sub(60 * MS);
-            let disturbed = [&self.blind, &self.down, &h.noise, &h.garbled, &self.stopped, &h.pwm];
             if mark == Mark::GivenUp
                 || lit > to + 10 * SECOND
                 || first >= last
                 || !self.known_to_run(since)
                 || starts.iter().any(|start| (since..last).contains(&start.at))
-                || disturbed.iter().any(|spans| spans.touches(since, last))
+                || self.may_be_decided_otherwise(since, last)
             {
                 continue;
             }

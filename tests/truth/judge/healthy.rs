@@ -400,10 +400,10 @@ impl Case<'_> {
         // Where no standby is configured, it takes the silence of all sources, in doubt too: one that commands standby below is not silent.
         let fresh = |source, at| self.command_log.fresh(source, at).is_some_and(PilotCommand::is_received);
         let silent = !(0..4).any(|source| fresh(source, at) && fresh(source, at.saturating_sub(slack)));
-        let last_stage = match (rules.standby_after, hidden && (silent || rules.standby_after.is_some())) {
-            (Some(after), true) => Some(after.min(10 * SECOND)),
-            (None, true) => Some(10 * SECOND),
-            (after, false) => after,
+        let last_stage = match rules.standby_after {
+            Some(after) if hidden => Some(after.min(10 * SECOND)),
+            None if hidden && silent => Some(10 * SECOND),
+            after => after,
         };
         last_stage.is_some_and(|after| at + slack >= silent_since + rules.hold.min(after) + after)
     }

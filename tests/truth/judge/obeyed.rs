@@ -1,7 +1,7 @@
 //! Switch commands of pilots take effect: an engine that is shut down goes out, and a start that is commanded as
 //! documented begins.
 
-use super::case::{Case, Rule, seconds};
+use super::case::{Case, Rule, seconds, spins_up};
 use crate::history::{Cause, MS, Mark, PilotCommand, Reset, SECOND, Sample, Spans};
 use sim::turbine::Phase;
 
@@ -91,9 +91,7 @@ impl Case<'_> {
             let begun = h.marks.iter().rfind(|(when, _)| *when <= at);
             let Some((lit, _)) = begun.filter(|(_, mark)| *mark == Mark::Ignition) else { continue };
             let Some(start) = starts.iter().rfind(|start| start.at <= *lit) else { continue };
-            let begins = |sample: &Sample| {
-                matches!(sample.phase, Phase::Ignition | Phase::Preheat | Phase::FuelRamp) && !sample.fault
-            };
+            let begins = |sample: &Sample| spins_up(sample.phase) && !sample.fault;
             // What is being sent, and the report that follows.
             let from = at + 3 * h.rules.period + 100 * MS;
             let next = starts.iter().map(|start| start.at).find(|next| *next > at).unwrap_or(h.end);

@@ -1,7 +1,7 @@
 //! A run belongs to one life of an engine: an engine that burns again on the earlier order is no longer sent
 //! run.
 
-use super::case::{Case, Rule, seconds};
+use super::case::{Case, Rule, seconds, spins_up};
 use crate::history::{Cause, MS, Mark, SECOND, Sample, Spans};
 use sim::turbine::Phase;
 
@@ -44,8 +44,7 @@ impl Case<'_> {
 
     /// The ECU reports that the engine starts, so that it can be in no other state.
     fn is_starting(&self, sample: &Sample) -> bool {
-        let starts = matches!(sample.phase, Phase::Ignition | Phase::Preheat | Phase::FuelRamp);
-        starts && !sample.fault && (self.traits().reports_stages || self.turns_slowly(sample))
+        spins_up(sample.phase) && !sample.fault && (self.traits().reports_stages || self.turns_slowly(sample))
     }
 
     /// As slowly as in a start.

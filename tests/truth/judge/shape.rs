@@ -1,6 +1,6 @@
 //! What the demand may be during a start, how fast it may fall, and how long such orders last.
 
-use super::case::{Case, Rule, seconds};
+use super::case::{Case, Rule, seconds, spins_up};
 use crate::history::{Cause, Demanded, MS, Mark, PilotCommand, Reset, SECOND, Sample, Sent, Switch};
 use sim::turbine::Phase;
 use std::collections::BTreeSet;
@@ -16,7 +16,6 @@ impl Case<'_> {
     pub(super) fn start_throttle(&mut self) {
         let h = self.h;
         let most = f64::from(h.rules.start_throttle.max(h.rules.idle_band)) + STEP;
-        let early = |phase| matches!(phase, Phase::Ignition | Phase::Preheat | Phase::FuelRamp);
         // Time in which the end of a run was hidden counts as part of it.
         let flight = self.runs.union(&h.noise).longer(6 * SECOND);
         let mut reported = 0;
@@ -40,7 +39,7 @@ impl Case<'_> {
                 || forged
                 || self.faults.touches(lit, at)
                 || h.noise.touches(lit, at)
-                || !samples.iter().all(|sample| early(sample.phase) && !sample.hidden)
+                || !samples.iter().all(|sample| spins_up(sample.phase) && !sample.hidden)
             {
                 continue;
             }

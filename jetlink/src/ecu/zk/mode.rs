@@ -15,7 +15,7 @@ use embassy_time::{Duration, Instant};
 
 /// Time for the ECU to report the ordered switch: status ID 1 repeats within 0.5 s.
 const FOLLOWS_WITHIN: Duration = Duration::from_millis(700);
-/// Retained: the ECU was given its switch by ID 6.
+/// Retained: the ECU was given its switch by ID 6. The three bits above it are RPM_X.
 const SWITCH_BY_ID6: u8 = 1;
 /// Retained: it was never given one by ID 6, and obeys the one in ID 1.
 const SWITCH_BY_ID1: u8 = 2;
@@ -222,7 +222,7 @@ impl Modes {
         !matches!(self.id6, Id6::Released)
     }
 
-    /// What is retained over a reset of the node: how the ECU is given its switch.
+    /// What is retained over a reset of the node: how the ECU is given its switch, and with which RPM_X.
     pub fn record(&self) -> LinkRecord {
         LinkRecord::new(match (self.id6, self.inherited) {
             // Of two that the ECU may have, with the larger one no code of ID 7 is too high.

@@ -1,6 +1,7 @@
 //! State that continues over a reset.
 
 use super::*;
+use jetlink::config::EngineConfig;
 use jetlink::link::LinkRecord;
 
 fn retained(order: Order) -> RetainedState {
@@ -518,6 +519,20 @@ fn silence_before_a_brown_out_counts_towards_standby() {
     }
 }
 
+/// After a reset, an engine whose ECU is about to report that it runs, at 90 %.
+fn found_at_90_percent(ecu: Ecu, config: EngineConfig, record: Option<RetainedState>) -> Scenario {
+    let mut scenario = Scenario::after_reset(ecu, config, record);
+    scenario.values.half_percents = 180;
+    scenario.introduce();
+    if ecu == Ecu::Zk {
+        for _ in 0..2 {
+            scenario.bench.receive(&zk_frames::status(3, TURNING, [90, 0, 0]));
+        }
+    }
+    scenario.reports = Some(Reports::Running);
+    scenario
+}
+
 /// An engine that is found running after a brown-out is lowered to where the stages of loss have come by then.
 #[test]
 fn silence_before_a_brown_out_lowers_the_engine_that_is_found() {
@@ -527,15 +542,7 @@ fn silence_before_a_brown_out_lowers_the_engine_that_is_found() {
             flight.reports = Some(Reports::Running);
             flight.fly_us(run(90), Origin::Rc, SECOND).pass_us(silent);
             let record = flight.bench.machine.record().without_start();
-            let mut scenario = Scenario::after_reset(ecu, ecu.config(), Some(record));
-            scenario.values.half_percents = 180;
-            scenario.introduce();
-            if ecu == Ecu::Zk {
-                for _ in 0..2 {
-                    scenario.bench.receive(&zk_frames::status(3, TURNING, [90, 0, 0]));
-                }
-            }
-            scenario.reports = Some(Reports::Running);
+            let mut scenario = found_at_90_percent(ecu, ecu.config(), Some(record));
             scenario.pass_us(2 * FRAME_PERIOD_US);
             assert!(tenths.contains(&scenario.tenths()), "{ecu:?} {silent}: {}", scenario.tenths());
         }
@@ -605,15 +612,7 @@ fn a_source_that_waits_to_take_over_is_in_control_after_a_reset() {
 #[test]
 fn the_stages_of_loss_begin_with_a_source_that_was_there_when_its_engine_was_found() {
     for ecu in BOTH {
-        let mut scenario = Scenario::after_reset(ecu, ecu.config(), None);
-        scenario.values.half_percents = 180;
-        scenario.introduce();
-        if ecu == Ecu::Zk {
-            for _ in 0..2 {
-                scenario.bench.receive(&zk_frames::status(3, TURNING, [90, 0, 0]));
-            }
-        }
-        scenario.reports = Some(Reports::Running);
+        let mut scenario = found_at_90_percent(ecu, ecu.config(), None);
         scenario.fly_us(run(10), Origin::Rc, SECOND);
         assert_eq!(scenario.telemetry().waiting, Some(Origin::Rc), "{ecu:?}");
         let lost = SECOND - COMMAND_PERIOD_US + SOURCE_TIMEOUT_US;
@@ -636,15 +635,7 @@ fn a_hold_does_not_begin_again_with_an_engine_that_is_found_in_it() {
             for reset in [Reset::PowerLost, second] {
                 let record = scenario.bench.machine.record();
                 let record = if reset == Reset::Warm { record } else { record.without_start() };
-                scenario = Scenario::after_reset(ecu, config, Some(record));
-                scenario.values.half_percents = 180;
-                scenario.introduce();
-                if ecu == Ecu::Zk {
-                    for _ in 0..2 {
-                        scenario.bench.receive(&zk_frames::status(3, TURNING, [90, 0, 0]));
-                    }
-                }
-                scenario.reports = Some(Reports::Running);
+                scenario = found_at_90_percent(ecu, config, Some(record));
                 scenario.pass_us(10 * SECOND);
                 silent_us += 10 * SECOND;
                 assert_eq!(scenario.telemetry().loss, LossStage::Hold, "{ecu:?} {reset:?}");

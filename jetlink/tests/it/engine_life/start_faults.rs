@@ -263,23 +263,6 @@ fn zk_a_start_that_times_out_is_reported_with_the_time_that_it_had() {
     }
 }
 
-/// A start-up time of 0 is none: the configured timeout applies.
-#[test]
-fn zk_a_start_up_time_of_0_is_none() {
-    for (tenths_of_a_second, seconds) in [(0, 20), (40, 8)] {
-        let config = Ecu::Zk.with(|rules| rules.start.timeout = Duration::from_secs(20));
-        let mut scenario = Scenario::ready(Ecu::Zk, config);
-        scenario.bench.receive(&zk_frames::status(8, 0, [5, 0, tenths_of_a_second]));
-        assert!(scenario.telemetry().report.startup.is_some());
-        scenario.command(run(0)).unwrap();
-        scenario.reports = Some(Reports::Starting);
-        scenario.fly_us(run(0), Origin::Rc, seconds * SECOND - 1);
-        assert!(matches!(scenario.order(), Order::Run(_)), "{tenths_of_a_second}");
-        scenario.pass_us(1);
-        assert_eq!(scenario.order(), Order::Standby, "{tenths_of_a_second}");
-    }
-}
-
 /// A set that arrives when a timer is due, and before the node has handled it: the reply already has the order of after that time.
 #[test]
 fn amt_a_set_that_arrives_when_a_start_times_out_is_answered_with_standby() {
