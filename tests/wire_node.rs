@@ -20,7 +20,7 @@ use jetlink::runner::LineErrors;
 use jetlink::units::Throttle;
 use sim::amt::AmtEcu;
 use sim::clock;
-use sim::ecu::Ecu;
+use sim::ecu::{Ecu, MILLIS};
 use sim::wire::{Direction, Plug, WireRx, WireTx};
 use sim::zk::ZkEcu;
 use std::cell::Cell;
@@ -378,11 +378,12 @@ fn a_failure_is_reported_again_after_a_reset() {
     }
 }
 
-/// A transmitter that hangs for 1 s: the runner gives the port back to be reopened, and the engine continues at its
-/// demand. One that hangs for less is left alone.
+/// A transmitter that hangs: before a frame in the driver is 0.2 s old, the runner gives the port back to be reopened, so that it is not
+/// sent, and the engine continues at its demand. One that hangs for less is left alone.
 #[test]
 fn a_stuck_transmitter_is_given_back_to_be_reopened() {
-    for (pause, reopened) in [(Duration::from_millis(900), false), (Duration::from_secs(3), true)] {
+    for (pause, reopened) in [(100, false), (300, true), (900, true), (3000, true)] {
+        let pause = Duration::from_millis(pause);
         clock::reset();
         let (config, ecu) = zk();
         let (rx, tx, plug) = wire(&config, ecu, 1);
@@ -390,11 +391,14 @@ fn a_stuck_transmitter_is_given_back_to_be_reopened() {
         let node = Node::<1>::new(&[config], None).expect("a good table");
         let [runner] = node.runners();
         let [owner] = node.owners();
-        let opened = Cell::new(0);
+        let (opened, hung_at) = (Cell::new(0), Cell::new(0));
         let port = async {
             let mut halves = (rx, tx);
             loop {
                 runner.run_until_stuck(halves.0, halves.1, &ERRORS).await;
+                let after = clock::now_ns() - hung_at.get();
+                // A frame is due every 50 ms.
+                assert!((190 * MILLIS..=250 * MILLIS).contains(&after), "after {after} ns");
                 opened.set(opened.get() + 1);
                 let stuck = opened.get() == 1;
                 halves = plug.reset_node();
@@ -405,6 +409,7 @@ fn a_stuck_transmitter_is_given_back_to_be_reopened() {
             start(&owner).await;
             fly_for(&owner, throttle_percent(60), Duration::from_secs(5)).await;
             plug.stall_tx(true);
+            hung_at.set(clock::now_ns());
             // Commands given meanwhile are old when the transmitter continues.
             fly_for(&owner, throttle_percent(80), pause).await;
             plug.take_log();

@@ -8,17 +8,19 @@ use crate::link::{Output, Transmission};
 use crate::report::NotSent;
 use core::cell::Cell;
 use core::sync::atomic::{AtomicU32, Ordering};
-use embassy_futures::select::{Either3, select, select3};
+use embassy_futures::select::{Either, Either3, select, select3};
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
-use embassy_time::{Duration, Instant, Timer, with_timeout};
+use embassy_time::{Duration, Instant, Timer, with_deadline};
 use embedded_io_async::{Error, ErrorKind, Read, Write};
 
 /// Longest interval between two signs of progress of the runner.
 const HEARTBEAT: Duration = Duration::from_millis(100);
 /// Timeout of a transmission, up to its last stop bit, 40 ms. Five bytes take 20.8 ms at 2400 baud.
 const WRITE_LIMIT: Duration = Duration::from_millis(40);
+/// Age of a frame from which on it must no longer leave the driver. A transmission at 2400 baud takes a tenth of it.
+const OLDEST: Duration = Duration::from_millis(200);
 /// Pause after a read error, so that a UART that fails at once does not occupy the processor.
 const READ_PAUSE: Duration = Duration::from_millis(1);
 
@@ -92,8 +94,6 @@ pub struct Runner<'a> {
     started: Cell<bool>,
     /// The result of a transmission was not reported to the engine yet.
     outstanding: Cell<bool>,
-    /// The last transmission timed out: its bytes may still wait in the driver, unless the UART was opened again.
-    timed_out: Cell<bool>,
     /// What is read now may have waited in the UART since before the run: its age is not known.
     waited: Cell<bool>,
     /// The engine has changed since the receivers of telemetry were last woken.
@@ -127,7 +127,6 @@ impl<'a> Runner<'a> {
             outgoing: Signal::new(),
             started: Cell::new(false),
             outstanding: Cell::new(false),
-            timed_out: Cell::new(false),
             waited: Cell::new(false),
             changed: Cell::new(true),
         }
@@ -141,22 +140,21 @@ impl<'a> Runner<'a> {
     ///
     /// Read errors and failed writes are counted. The reading half has to be cancel safe, as all of Embassy's are: a dropped
     /// read loses no bytes.
-    pub async fn run<R: Read, W: Write>(self, mut rx: R, mut tx: W, errors: &LineErrors) -> ! {
-        loop {
-            self.serve(&mut rx, &mut tx, errors).await;
-        }
+    pub async fn run<R: Read, W: Write>(self, rx: R, tx: W, errors: &LineErrors) -> ! {
+        self.serve(rx, tx, errors, false).await;
+        // It does not give up.
+        core::future::pending().await
     }
 
-    /// Runs until no transmission has succeeded for 1 s, then drops the halves: open the UART again, which discards the bytes
-    /// that wait in it, and call this again. To the engine it is a failed transmission.
+    /// Runs until a frame was not sent within 0.2 s, or no transmission has succeeded for 1 s, then drops the halves: open the UART
+    /// again, which discards the bytes that wait in it, so that no older frame is sent, and call this again. To the engine it is a
+    /// failed transmission.
     pub async fn run_until_stuck<R: Read, W: Write>(&self, rx: R, tx: W, errors: &LineErrors) {
-        // Nothing waits in a UART that was opened just now. A driver may never end the flush of one that has sent nothing.
-        self.timed_out.set(false);
-        self.serve(rx, tx, errors).await;
+        self.serve(rx, tx, errors, true).await;
     }
 
     #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read")]
-    async fn serve<R: Read, W: Write>(&self, rx: R, tx: W, errors: &LineErrors) {
+    async fn serve<R: Read, W: Write>(&self, rx: R, tx: W, errors: &LineErrors, gives_up: bool) {
         if !self.started.replace(true) {
             self.channel.begin(Instant::now());
         }
@@ -165,7 +163,7 @@ impl<'a> Runner<'a> {
         if self.outstanding.take() {
             self.channel.with(|engine| engine.not_sent(Instant::now(), NotSent::TimedOut));
         }
-        select(self.receive(rx, errors), self.transmit(tx)).await;
+        select(self.receive(rx, errors), self.transmit(tx, gives_up)).await;
     }
 
     #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read")]
@@ -227,25 +225,37 @@ impl<'a> Runner<'a> {
         Timer::after(READ_PAUSE).await;
     }
 
+    /// Returns if it gives up on a transmitter that is stuck.
     #[expect(clippy::disallowed_methods, reason = "the runner is where the clock is read")]
-    async fn transmit<W: Write>(&self, mut tx: W) {
+    async fn transmit<W: Write>(&self, mut tx: W, gives_up: bool) {
         let mut failing_since: Option<Instant> = None;
+        // When the frame was written that may still wait in the driver. Nothing waits in a UART that was opened just now, and a driver may
+        // never end the flush of one that has sent nothing.
+        let mut waits_since: Option<Instant> = None;
         loop {
-            let transmission = self.outgoing.wait().await;
+            let too_old = waits_since.filter(|_| gives_up).map_or(Instant::MAX, |since| since + OLDEST);
+            let Either::First(transmission) = select(self.outgoing.wait(), Timer::at(too_old)).await else {
+                return;
+            };
+            let limit = too_old.min(Instant::now() + WRITE_LIMIT);
             let write = async {
-                if self.timed_out.get() {
+                if waits_since.is_some() {
                     // A command behind those bytes would be sent too late.
                     tx.flush().await.map_err(|_| NotSent::Failed)?;
                 }
-                if transmission.start_by.is_some_and(|start_by| Instant::now() > start_by) {
+                let now = Instant::now();
+                if transmission.start_by.is_some_and(|start_by| now > start_by) {
                     return Err(NotSent::TooLate);
                 }
+                waits_since = Some(now);
                 tx.write_all(transmission.as_bytes()).await.map_err(|_| NotSent::Failed)?;
                 // Done when the last stop bit is out.
                 tx.flush().await.map_err(|_| NotSent::Failed)
             };
-            let result = with_timeout(WRITE_LIMIT, write).await.unwrap_or(Err(NotSent::TimedOut));
-            self.timed_out.set(result == Err(NotSent::TimedOut));
+            let result = with_deadline(limit, write).await.unwrap_or(Err(NotSent::TimedOut));
+            if result != Err(NotSent::TimedOut) {
+                waits_since = None;
+            }
             let now = Instant::now();
             self.outstanding.set(false);
             self.channel.with(|engine| match result {
@@ -257,7 +267,7 @@ impl<'a> Runner<'a> {
             match result {
                 Ok(()) => failing_since = None,
                 Err(NotSent::TooLate) => {}
-                Err(_) if now >= *failing_since.get_or_insert(now) + TRANSMITTER_FAILED => return,
+                Err(_) if gives_up && now >= *failing_since.get_or_insert(now) + TRANSMITTER_FAILED => return,
                 Err(_) => {}
             }
             if result == Err(NotSent::Failed) {

@@ -42,7 +42,8 @@ fn port_with_a_stuck_transmitter_is_reopened_and_serves_its_ecu_again() {
             });
             let pause = again - stopped;
             println!("{} {port}: served again after {:.1} ms", board.name, pause as f64 / 1e6);
-            assert!((SECOND..1500 * MILLIS).contains(&pause), "{} {port}: {pause} ns", board.name);
+            // A frame is 0.2 s old by then; the next is sent at the next set or send slot.
+            assert!((200 * MILLIS..600 * MILLIS).contains(&pause), "{} {port}: {pause} ns", board.name);
             // Only because the port was opened in between.
             assert!(opened.iter().any(|at| (stopped..*again).contains(at)), "{opened:?} {stopped} {again}");
             let status = format!("{engine}: link");

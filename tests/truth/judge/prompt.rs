@@ -9,8 +9,8 @@ use sim::turbine::Phase;
 const STEP: f64 = 8.0;
 /// An AMT reply ends within this time of its set.
 const REPLIES: u64 = 30 * MS;
-/// Time after which the port of a transmitter that hangs has been opened again: 1 s, from the first frame that did not go out.
-const REOPENS_WITHIN: u64 = 1500 * MS;
+/// Time after which the port of a transmitter that hangs has been opened again: 0.2 s, from the first frame that did not go out.
+const REOPENS_WITHIN: u64 = 500 * MS;
 /// Time for which damaged frames at the expected times are not a gap, in flight.
 const KEEPS_THE_BEAT: u64 = 10 * SECOND;
 /// Default of `governor.max_age`.

@@ -206,7 +206,7 @@ fn a_transmitter_that_hangs_is_opened_again() {
             }
         })
     };
-    story(1.2, true).passes();
-    assert!(story(3.0, true).says("is not opened again"));
-    assert!(!story(3.0, false).says("is not opened again"));
+    story(0.4, true).passes();
+    assert!(story(0.8, true).says("is not opened again"));
+    assert!(!story(0.8, false).says("is not opened again"));
 }

@@ -99,7 +99,8 @@ impl ZkLink {
             Status::Settings { .. } => self.service.confirm(&self.status.report, &mut self.outbox),
             Status::Voltages { .. } => {
                 let at_rest = self.status.report.phase.is_some_and(|phase| phase.value.is_stopped());
-                self.pump.confirm(self.status.report.pump, at_rest);
+                let may_be_left_open = at_rest && self.may_have_close_pump();
+                self.pump.confirm(self.status.report.pump, may_be_left_open);
             }
             Status::Identity { rate, .. } => {
                 self.expect_frames(rate);
@@ -148,11 +149,12 @@ impl ZkLink {
         Err(Rejected::NeedsVersion { needed: needed.get(), known: known.map(Version::get) })
     }
 
-    /// Whether the ECU is known not to have the command that closes the pump, nor the one that opens it. While its version is not known it
-    /// may: a pump that runs is worse than a command that is not supported.
-    fn has_no_close_pump(&self) -> bool {
+    /// Whether the ECU may have the command that opens its pump and the one that closes it (ZK-7). Of one that does not, a pump with a
+    /// voltage was not left open by a service. Asked of a pump that is found open only: one that a service opened is closed whatever
+    /// version is reported since, because a forged report must not leave it open.
+    fn may_have_close_pump(&self) -> bool {
         let needed = Control::Action(Action::ClosePump).min_version();
-        Version::knows(self.version(), needed) == Some(false)
+        Version::knows(self.version(), needed) != Some(false)
     }
 
     fn fill_slot(&mut self, now: Instant) {
@@ -167,9 +169,6 @@ impl ZkLink {
             && let Some(control) = self.service.unlocked()
         {
             return control;
-        }
-        if self.has_no_close_pump() {
-            self.pump = PumpClosing::None;
         }
         if let Some(control) = self.pump.frame(self.status.report.pump) {
             return control;
@@ -431,7 +430,7 @@ impl Link for ZkLink {
     fn close_pump(&mut self) {
         // The command that opens it must not follow.
         self.service.cancel(&mut self.outbox);
-        self.pump = if self.has_no_close_pump() { PumpClosing::None } else { PumpClosing::begin() };
+        self.pump = PumpClosing::begin();
     }
 
     fn service_frames(&self) -> ServiceFrames {

@@ -243,12 +243,12 @@ impl PumpClosing {
 
     /// A voltage of zero since then shows that the pump is closed: a later one is that of a running engine. A pump that has a voltage
     /// although nothing was opened since the node began is closed, once the ECU reports that its engine is at rest: it may run on without
-    /// having received the standby.
-    pub fn confirm(&mut self, pump: Option<Timed<Reading>>, at_rest: bool) {
+    /// having received the standby. `may_be_left_open`: the engine is at rest, and its ECU may have the command that opens the pump.
+    pub fn confirm(&mut self, pump: Option<Timed<Reading>>, may_be_left_open: bool) {
         let (Self::Unconfirmed(since) | Self::AtRest(since)) = *self else { return };
         match (has_voltage(pump, since), &self) {
             (Some(false), _) => *self = Self::None,
-            (Some(true), Self::AtRest(_)) if at_rest => *self = Self::begin(),
+            (Some(true), Self::AtRest(_)) if may_be_left_open => *self = Self::begin(),
             _ => {}
         }
     }
