@@ -504,6 +504,7 @@ impl EngineContext {
         self.look();
         self.disturber.finish(&mut self.history, at);
         self.history.sets.extend(self.reader.last_report().filter(|_| self.history.traits().replies_only));
+        self.history.alternate = core::mem::take(&mut self.reader.alternate);
         self.valve.end(&mut self.history, at);
         if let Some(since) = self.pwm_since.take() {
             self.history.pwm.push(since, at);

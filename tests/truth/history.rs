@@ -597,6 +597,8 @@ pub struct History {
     pub other_busy: Spans,
     /// When each set of an AMT ECU ended on its wire.
     pub sets: Vec<u64>,
+    /// Those without a state that are no error sets: alternate ones.
+    pub alternate: Vec<u64>,
     /// Another engine of the node does not run although it should.
     pub other_failed: Spans,
     /// It has certainly failed: it went out without a command.
@@ -607,8 +609,7 @@ pub struct History {
     pub pin: Vec<(u64, Pin)>,
     /// The valve lets no fuel through.
     pub shut: Spans,
-    /// Whether starter and ignition have power, from each instant on; `None`: no node drives the output. Empty: there is no such
-    /// output.
+    /// Whether starter and ignition have power, from each instant on; `None`: no node drives the output. Empty: there is none.
     pub power: Vec<(u64, Option<bool>)>,
     /// Radio control, where it commands the engine.
     pub radio: Option<Radio>,
@@ -649,6 +650,7 @@ impl History {
             other_starts: Vec::new(),
             other_busy: Spans::default(),
             sets: Vec::new(),
+            alternate: Vec::new(),
             other_failed: Spans::default(),
             other_down: Spans::default(),
             sensor: Spans::default(),

@@ -456,7 +456,10 @@ impl Case<'_> {
             // After a fault only a set that reports running does.
             let fault = self.faults.last_before(at).filter(|(_, to)| *to < sets);
             let after_fault = fault.is_some_and(|(_, to)| {
-                // One set before it may report running: two are needed.
+                // One set before it may report running: two are needed. An alternate set beside that one reports nothing.
+                let beside = h.alternate.iter().any(|set| (to..to + first).contains(set));
+                let longer = beside && self.sets_of_running(to, sets) <= 1;
+                let first = first + if longer { h.rules.period } else { 0 };
                 h.samples(to + first, sets).iter().all(|sample| sample.hidden)
                     && at < to + h.rules.gives_up_after + first
             });
@@ -497,6 +500,20 @@ impl Case<'_> {
                 self.verdict.finding(Rule::GivenUp, at, text);
             }
         }
+    }
+
+    /// Number of sets between two instants that certainly report a running engine.
+    fn sets_of_running(&self, from_us: u64, to_us: u64) -> usize {
+        let h = self.h;
+        // Six bytes, where a reply has five; its content is that of its first bit, between two samples.
+        let first_bit = |set: u64| set.saturating_sub(h.rules.frame / 5 * 6);
+        let sample = 50 * MS;
+        let runs = |at: u64| {
+            let samples = h.samples(at.saturating_sub(sample), at + sample);
+            samples.iter().all(|sample| sample.runs() && !sample.fault && !sample.hidden)
+        };
+        let sets = h.sets.iter().filter(|set| (from_us..to_us).contains(*set));
+        sets.filter(|set| !h.alternate.contains(set) && runs(first_bit(**set))).count()
     }
 
     /// Since when the engine has run on one order: a relight by the ECU does not begin another one.

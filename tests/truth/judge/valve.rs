@@ -133,7 +133,7 @@ impl Case<'_> {
             let begins = h.resets.iter().rfind(|reset| reset.up <= at).map_or(0, |reset| reset.up);
             let switch = |frame: &crate::history::Frame| frame.sent.switch();
             let before = h.frames_within(begins, at).iter().rev().find_map(switch);
-            let after = h.frames_within(at, at + SECOND).iter().find_map(switch);
+            let after = h.frames_within(self.decided_after(at), at + SECOND).iter().find_map(switch);
             // Standby and run again within one send slot: the standby is never on the wire.
             let lately = h.commanded(at.saturating_sub(2 * h.rules.period + LATE), at);
             let commanded = lately.iter().any(|commanded| {
@@ -152,6 +152,13 @@ impl Case<'_> {
                 self.verdict.finding(Rule::CutOff, at, "the valve closes, and run is ordered");
             }
         }
+    }
+
+    /// The earliest instant at which a frame can carry what was decided then. A limit is judged once the reply to the set that exceeds
+    /// it has been handed out: the next one carries its action.
+    fn decided_after(&self, at: u64) -> u64 {
+        let set = self.h.sets[..self.h.sets.partition_point(|set| *set <= at)].last();
+        if set.is_some_and(|set| set + MS > at) { at + MS } else { at }
     }
 
     /// Time of consecutive failed starts, when the node begins at this time; each counts for this much more.

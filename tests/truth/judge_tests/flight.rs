@@ -401,6 +401,17 @@ fn an_ecu_does_not_put_out_an_engine_for_want_of_commands() {
     hides(true, 38_300).breaks(&[Rule::GivenUp]);
     hides(true, 39_000).breaks(&[Rule::GivenUp]);
     hides(false, 37_900).breaks(&[Rule::GivenUp]);
+    // Nor does it beside an alternate set, which reports nothing; two that report running do, whatever is between them (901000572).
+    let beside = |alternate: &'static [u64], from: u64| {
+        let sets = move |h: &mut History| {
+            h.sets = (0..20).map(|n| 37_720 * MS + n * 125 * MS).collect();
+            h.alternate = alternate.iter().map(|at| at * MS).collect();
+        };
+        hides(true, from).with(sets).finds(Rule::GivenUp)
+    };
+    assert!(!beside(&[37_970], 38_200) && !beside(&[38_095], 38_200));
+    assert!(beside(&[], 38_200) && beside(&[37_720], 38_200) && beside(&[38_220], 38_200));
+    assert!(beside(&[37_970], 38_250) && beside(&[38_095], 38_250));
     story(AMT).with(early(Cause::Watchdog)).breaks(&[Rule::GivenUp]);
     // ID 0 in doubt is no command to some ZK ECUs. The doubt ends with two reports of the state, 1.3 s after the reset.
     let empty = |down: u64, given_up: bool| {

@@ -251,3 +251,24 @@ fn valve_of_an_engine_that_is_out_closes_in_standby_only() {
     };
     assert_eq!([PILOT + 1, PILOT - 1].map(below), [1, 0]);
 }
+
+/// In a start the thermocouple breaks, and the limit of the exhaust temperature orders standby: the reply to the set that shows it has been
+/// handed out, and the next one carries the standby (901000873).
+#[test]
+fn valve_closes_with_the_set_that_exceeds_a_limit() {
+    let closes = |sets: &'static [u64], next: Sent| {
+        let story = ready(AMT)
+            .streams(PILOT, 4.0, 6.0, PilotCommand::Run(Demanded::Throttle(0)))
+            .wire(4.0, 5.01, IDLE)
+            .wire(5.125, 6.0, next)
+            .turbine(5.0, 6.0, Phase::Standby, 0.0, 15.0)
+            .with(|h| h.sets = sets.iter().map(|at| at * MS).collect());
+        pin(story, &[(5.001, Pin::Closed)]).finds(Rule::CutOff)
+    };
+    let sets = &[4751, 4876, 5001, 5126];
+    assert!(!closes(sets, STANDBY));
+    // Run stays on the wire; the set came long before; the ECU sends none.
+    assert!(closes(sets, IDLE));
+    assert!(closes(&[4751, 4876, 4991, 5126], STANDBY));
+    assert!(closes(&[], STANDBY));
+}
