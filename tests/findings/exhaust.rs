@@ -2,8 +2,8 @@
 //! it: a burning engine continues, any other is not sent run.
 
 use crate::world::*;
-use sim::amt::{AmtTemper, error};
-use sim::ecu::SECOND;
+use sim::amt::{AmtTemper, Status, error};
+use sim::ecu::{MILLIS, SECOND};
 use sim::turbine::Phase;
 
 /// An AMT engine at this throttle whose ECU sends error sets only.
@@ -121,6 +121,47 @@ fn old_run_is_not_sent_after_fault_clears() {
     world.pass_s(300.0);
     world.assert_ignitions(1);
     world.starts_again(Rc);
+}
+
+/// An ECU that clears its fault 0.6 s after a flame-out, before the exhaust has shown it: run is in force, and it starts on run alone
+/// from 5 % down, however hot. What reports rest (10 %), or start clearance (5 %), gets no reply until it is standby. The control: the fault
+/// clears on an engine that runs, and the reply to each set is run.
+#[test]
+fn run_in_force_is_not_sent_when_a_fault_clears_early() {
+    for (percent, status, standby_within) in
+        [(10, Status::NoClearance, 0.5), (5, Status::StartClearance, 3.0)]
+    {
+        let temper = AmtTemper {
+            trips_clear_after: Some(600 * MILLIS),
+            starts_hot: true,
+            clearance: 4 * SECOND,
+            ..AmtTemper::DEFAULT
+        };
+        let mut world = flying_with_a_fault(percent, temper);
+        let clear = world.now();
+        world.amt(|ecu| ecu.set_errors(0));
+        world.pass_s(5.0);
+        world.assert_not_shut_down(clear);
+        let runs = world.sent(clear).filter(|frame| frame.is_run()).count();
+        assert!(runs >= 39, "{runs} replies to 40 sets");
+
+        world.turbine(|turbine| turbine.flame_out());
+        let out = world.now();
+        world.until("a trip", 10.0, |world| world.turbine(|turbine| turbine.trip().is_some()));
+        world.until("no trip", 1.0, |world| world.turbine(|turbine| turbine.trip().is_none()));
+        let clear = world.now();
+        world.amt(|ecu| assert_eq!(ecu.status(), status));
+        assert!(world.sent(out).all(|frame| frame.is_run()));
+        // The reply to a set that began before.
+        world.pass_s(0.05);
+        let from = world.now();
+        world.pass_s(20.0);
+        world.assert_not_sent_run(from);
+        let standby = world.sent(from).next().map(|frame| seconds(frame.at - clear));
+        assert!(standby.is_some_and(|after| after < standby_within), "{percent} %: {standby:?}");
+        world.assert_ignitions(1);
+        world.starts_again(Rc);
+    }
 }
 
 /// The ECU's own error sets after a flame-out, without any other fault.

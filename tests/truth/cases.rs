@@ -333,6 +333,40 @@ fn a_flame_out_with_error_sets_is_not_relit_when_the_fault_clears() {
     seen.only(AT * 1000 + 45_000, 180_000, 100, is_standby);
 }
 
+/// The fault clears while run is still in force. The first normal sets, which report rest (10 %) or start clearance (5 %), get no
+/// reply; the second one at rest, or the exhaust, ends the life. The control: the engine runs, and its ECU reports faults for 3 s.
+#[test]
+fn a_flame_out_whose_fault_clears_early_is_not_answered_with_run() {
+    let begins = AT * 1000;
+    for (tenths, standby_within) in [(100, 500), (50, 3000)] {
+        for is_out in [true, false] {
+            let fault = if is_out {
+                Act::Fault(Fault::FlameOut, MS)
+            } else {
+                Act::Fault(Fault::Error(5), 3 * SECOND)
+            };
+            let mut acts = flight(Demanded::Throttle(tenths));
+            acts.push(at(begins, fault));
+            let seen = Seen::of(Setup::amt_case_that_clears(600 * MS), acts, vec![], 90);
+            seen.is_good().ignitions(0, 1);
+            if !is_out {
+                // Eight sets a second, and each gets its reply.
+                seen.only(begins, 90_000, 235, is_run).phase_is(0, 89_000, Phase::Running);
+                continue;
+            }
+            let trips = (begins..90_000).find(|&ms| seen.phase(0, ms) != Phase::Running).expect("a trip");
+            let clears = trips + 600;
+            // The last reply is to a set that began before the fault cleared.
+            seen.only(begins, trips, 5, is_run).only(trips, clears, 3, is_run);
+            let standby = seen.frames(0, clears, 90_000).find(|frame| is_standby(frame.sent));
+            let standby = standby.map_or(90_000, |frame| frame.at / MS);
+            assert!(standby < clears + standby_within, "{standby} ms\n{}", seen.0.report(true));
+            assert_eq!(seen.frames(0, clears + 60, standby).count(), 0, "{}", seen.0.report(true));
+            seen.only(clears + 60, 90_000, 190, is_standby);
+        }
+    }
+}
+
 #[test]
 fn after_an_emergency_stop_a_source_has_to_disarm_before_it_arms() {
     for setup in [Setup::zk_case(5), Setup::amt_case()] {

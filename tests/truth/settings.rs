@@ -27,6 +27,13 @@ impl Setup {
         Self::case(ecus::amt::case())
     }
 
+    /// The same. A trip clears after this time, µs, and start clearance lasts for 4 s.
+    pub fn amt_case_that_clears(after: u64) -> Self {
+        let (config, mut ecu) = ecus::amt::case();
+        ecus::amt::clears(&mut ecu, after * 1000);
+        Self::case((config, ecu))
+    }
+
     /// The same for ZK, of this version.
     pub fn zk_case(version: u8) -> Self {
         Self::case(ecus::zk::case(version))

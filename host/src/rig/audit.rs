@@ -77,6 +77,8 @@ pub struct TransmittedFrame {
     pub to: Nanos,
     /// The command in it.
     pub command: WireCommand,
+    /// It is the switch alone, at run: the demand is in another frame.
+    pub switches_to_run: bool,
 }
 
 /// Frames that the node may send.
@@ -281,6 +283,12 @@ macro_rules! judges {
             fn shares_slot(&self, command: Command) -> bool {
                 match command {
                     $(Command::$name(command) => self.$module.shares_slot(command),)+
+                }
+            }
+
+            fn switches_to_run(&self, command: Command) -> bool {
+                match command {
+                    $(Command::$name(command) => self.$module.switches_to_run(command),)+
                 }
             }
 
@@ -592,7 +600,8 @@ impl Audit {
             self.commanded_until = frame.end;
         }
         self.note_level(wire, self.judges.rpm_step(command));
-        let transmitted = TransmittedFrame { from: start, to: frame.end, command: wire };
+        let switches_to_run = self.judges.switches_to_run(command);
+        let transmitted = TransmittedFrame { from: start, to: frame.end, command: wire, switches_to_run };
         self.transmitted.iter_mut().for_each(|all| all.push(transmitted));
         if !allowed {
             self.find(start, frame.bytes().to_vec(), &command.to_string());

@@ -19,14 +19,19 @@ const PAIR: &[&str] =
 /// The same with the places changed.
 const PAIR_ZK_LEFT: &[&str] =
     &["name=left,ecu=zk,version=5,baud=9600", "name=right,ecu=amt,engine=olympus,baud=2400"];
+/// The same, and a ZK engine that is commanded an rpm.
+const FOUR: &[&str] = &[
+    "name=amt,ecu=amt,engine=olympus,baud=2400",
+    "name=zk3,ecu=zk,version=3,baud=9600",
+    "name=zk5,ecu=zk,version=5,baud=9600",
+    "name=zk5-rpm,ecu=zk,version=5,baud=9600,mode=rpm",
+];
 /// One ECU of each kind with unusual behaviour.
 const THREE: &[&str] = &[
     "name=amt,ecu=amt,engine=olympus,baud=2400",
     "name=zk3,ecu=zk,version=3,baud=9600",
     "name=zk5,ecu=zk,version=5,baud=9600",
 ];
-/// One AMT engine.
-const ONE_AMT: &[&str] = &["name=left,ecu=amt,engine=olympus,baud=2400"];
 /// One ZK engine.
 const ONE: &[&str] = &["name=left,ecu=zk,version=5,baud=9600"];
 
@@ -121,8 +126,8 @@ pub static ALL: &[Scenario] = &[
     Scenario {
         name: "ecu-power-dip",
         line: "an ECU loses its power in flight for 0.2, 3 and 180 s: standby, and no restart, although run is commanded",
-        engines: THREE,
-        length: 620,
+        engines: FOUR,
+        length: 640,
         bad_commands: 2,
         script: |c| Box::pin(power::ecu_power_dip(c)),
     },
@@ -180,9 +185,13 @@ pub static ALL: &[Scenario] = &[
     },
     Scenario {
         name: "fault-clears",
-        line: "a flame-out of an AMT engine that reports faults only, then the fault clears: no restart",
-        engines: ONE_AMT,
-        length: 130,
+        line: "a flame-out of an AMT engine that reports faults only, then the fault clears, early or late: no restart",
+        engines: &[
+            "name=left,ecu=amt,engine=olympus,baud=2400",
+            "name=resting,ecu=amt,engine=olympus,baud=2400",
+            "name=cleared,ecu=amt,engine=olympus,baud=2400",
+        ],
+        length: 165,
         bad_commands: 1,
         script: |c| Box::pin(faults::fault_clears(c)),
     },

@@ -33,6 +33,12 @@ pub fn case() -> (EngineConfig, AnyConfig) {
     (config, AnyConfig::Amt(ecu))
 }
 
+/// Its trips clear after this time, ns, and start clearance lasts for 4 s.
+pub fn clears(ecu: &mut AnyConfig, after: u64) {
+    let AnyConfig::Amt(ecu) = ecu else { return };
+    (ecu.temper.trips_clear_after, ecu.temper.clearance) = (Some(after), 4_000_000_000);
+}
+
 /// A random one.
 pub fn random(rng: &mut Rng, port: u8) -> (EngineConfig, AnyConfig) {
     let line = Line::new(rng.pick(&[2400, 2400, 2400, 9600, 115_200]));

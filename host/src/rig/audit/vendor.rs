@@ -100,6 +100,11 @@ pub trait Judge {
     /// Whether the next frame may follow directly after it, before its own send slot.
     fn shares_slot(&self, command: Self::Command) -> bool;
 
+    /// Whether it is the switch alone, at run, without a demand.
+    fn switches_to_run(&self, _command: Self::Command) -> bool {
+        false
+    }
+
     /// Step of the speeds that the protocol can command, in rpm.
     fn rpm_step(&self) -> u32;
 }

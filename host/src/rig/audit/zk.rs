@@ -137,6 +137,10 @@ impl vendor::Judge for Judge {
         matches!(command, ZkCommand::Switch { .. })
     }
 
+    fn switches_to_run(&self, command: ZkCommand) -> bool {
+        matches!(command, ZkCommand::Switch { sw: Sw::Run, .. })
+    }
+
     fn rpm_step(&self) -> u32 {
         u32::from(self.factor) * 10
     }

@@ -1,6 +1,6 @@
 //! Power and resets: of the node, and of an ECU.
 
-use super::super::audit::WireCommand;
+use super::super::audit::{TransmittedFrame, WireCommand};
 use super::super::node::{Cause, Reset};
 use super::check::{GRAIN, ON_WIRE, all, is_run, is_standby, only, rises_slowly};
 use super::context::{CommandSource, ScenarioContext};
@@ -18,6 +18,9 @@ const GAP: Nanos = 250 * MILLIS;
 /// every 0.45 s.
 const IDENTIFIED: Nanos = 2500 * MILLIS;
 
+/// The engine of [`ecu_power_dip`] that is commanded an rpm.
+const BY_RPM: usize = 3;
+
 pub async fn ecu_power_dip(c: &ScenarioContext<'_>) -> Result<(), String> {
     for i in 0..c.count() {
         // They light at once, however hot: the worst of all readings.
@@ -25,9 +28,21 @@ pub async fn ecu_power_dip(c: &ScenarioContext<'_>) -> Result<(), String> {
     }
     for (dip, what) in [(0.2, "0.2 s"), (3.0, "3 s"), (180.0, "180 s")] {
         c.fly(60).await?;
+        c.source(BY_RPM).rpm(120_000);
+        c.sleep(6.0).await;
         c.event();
         c.mark(&format!("the ECUs lose their power for {what}; run is still commanded"));
         let off = c.now();
+        c.look();
+        // ID 6 with run, and ID 7 with the demand, in turn.
+        let before = c.transmitted(BY_RPM, off - SECOND, off);
+        let name = c.name(BY_RPM);
+        c.must(
+            before.iter().any(|frame| frame.switches_to_run)
+                && all(&before, WireCommand::RunRpm(120_000))
+                && c.runs(BY_RPM),
+            format!("{name}, {what}: before it, run by ID 6 and 120 000 rpm by ID 7 are on the wire"),
+        );
         (0..c.count()).for_each(|i| c.power(i, false));
         c.sleep(dip).await;
         let on = c.now();
@@ -40,13 +55,24 @@ pub async fn ecu_power_dip(c: &ScenarioContext<'_>) -> Result<(), String> {
             let answered = c.is_answered(i);
             let doubts = if answered { ON_WIRE } else { GAP };
             let meanwhile = c.transmitted(i, off + doubts, on);
+            // An ECU that restarts has forgotten ID 6, and ignores ID 7.
+            let ignored = |wire| i == BY_RPM && wire == WireCommand::RunRpm(120_000);
+            let harmless = |frame: &TransmittedFrame| {
+                (is_standby(frame.command) || ignored(frame.command)) && !frame.switches_to_run
+            };
             c.must(
-                if answered { meanwhile.is_empty() } else { only(&meanwhile, 0, is_standby) },
+                if answered { meanwhile.is_empty() } else { meanwhile.iter().all(harmless) },
                 format!("{name}, {what}: nothing that could start an engine is on the wire in the dip"),
             );
+            if i == BY_RPM && dip > 1.0 {
+                c.must(
+                    meanwhile.windows(2).all(|pair| ignored(pair[0].command) != ignored(pair[1].command)),
+                    format!("{name}, {what}: ID 0 and ID 7, which a restarted ECU ignores, are sent in turn"),
+                );
+            }
             let after = c.transmitted(i, on, end);
             c.must(
-                !after.iter().any(|frame| is_run(frame.command)),
+                after.iter().all(|frame| harmless(frame) || frame.command == WireCommand::Standby),
                 format!("{name}, {what}: no run is on the wire when the ECU is back"),
             );
             let standby =

@@ -197,15 +197,17 @@ fn after_a_reset_a_lower_source_may_be_in_control_beside_one_that_speaks_seldom(
 }
 
 /// The standby of a lower source that ends a run at the end of the stages of loss is its own: its next run is a start. A standby
-/// from long before, with silence since, has ended nothing.
+/// from long before, with silence since, has ended nothing. Where the lower source falls silent before the frame with the standby, it depends on
+/// whether it was in control before that (380002377).
 #[test]
 fn a_lower_sources_standby_that_ends_a_run_permits_its_next_one() {
-    let judged = |standby_until: u64, standby_after: Option<u64>| {
+    let judged = |standby_until: u64, timeout_ms: u64, lower_after_ms: u64, standby_after: Option<u64>| {
         let config = Ecu::Amt.with(|s| {
             s.timeouts.rc = Duration::from_millis(500);
-            s.timeouts.bench = Duration::from_secs(3);
+            s.timeouts.bench = Duration::from_millis(timeout_ms);
+            s.return_within = Duration::from_secs(3);
             s.loss.hold = Duration::from_ticks(0);
-            s.loss.lower_standby_after = Duration::from_ticks(0);
+            s.loss.lower_standby_after = Duration::from_millis(lower_after_ms);
             s.loss.standby_after = standby_after.map(Duration::from_secs);
         });
         let Demand::Throttle(idle) = percent(0) else { unreachable!() };
@@ -213,13 +215,13 @@ fn a_lower_sources_standby_that_ends_a_run_permits_its_next_one() {
         let mut judge = Oracle::new(config, false, 36_000, 100_000);
         let by = |origin, command, answer| Input::Commanded(origin, command, Ok(answer));
         judge.input(0, by(Origin::Rc, Command::Arm, Accepted::InForce))?;
-        for step in 0..480 {
+        for step in 0..880 {
             let at = step * 25 * MS;
             let (starts, truth) = started_at_3_s(at);
-            let ended = at >= 10_500 * MS;
+            let ended = at >= 20_500 * MS;
             let rest = Truth { standby: true, egt: 20.0, ..Truth::default() };
             judge.input(at, Input::Truth(if ended { rest } else { truth }))?;
-            if step.is_multiple_of(2) && at <= 10 * SECOND {
+            if step.is_multiple_of(2) && at <= 20 * SECOND {
                 let command = if starts { run } else { Command::Standby };
                 judge.input(at, by(Origin::Rc, command, Accepted::InForce))?;
             }
@@ -231,12 +233,21 @@ fn a_lower_sources_standby_that_ends_a_run_permits_its_next_one() {
                 judge.frame(at, Frame::Full(switch, 0))?;
             }
         }
-        judge.input(12 * SECOND, by(Origin::Bench, run, Accepted::InForce))?;
-        judge.frame(12_100 * MS, Frame::Full(Switch::Run, 0)).map(|_| ())
+        judge.input(22 * SECOND, by(Origin::Bench, run, Accepted::InForce))?;
+        judge.frame(22_100 * MS, Frame::Full(Switch::Run, 0)).map(|_| ())
     };
-    assert_eq!(judged(10 * SECOND, None), Ok(()));
-    let verdict = judged(5 * SECOND, Some(0));
-    assert!(verdict.as_ref().is_err_and(|why| why.starts_with("(1) a start by bench")), "{verdict:?}");
+    assert_eq!(judged(20 * SECOND, 3000, 0, None), Ok(()));
+    // RC is lost at 20.5 s, and the standby is sent at 20.525 s.
+    assert_eq!(judged(20 * SECOND, 510, 0, None), Ok(()));
+    for (standby_until, timeout_ms, lower_after_ms) in [(15, 3000, 0), (20, 490, 0), (20, 510, 20)] {
+        let verdict = judged(standby_until * SECOND, timeout_ms, lower_after_ms, Some(0));
+        let used_up = "(1) a start by bench: its own standby was not commanded, or is used up";
+        assert_eq!(
+            verdict,
+            Err(used_up.to_owned()),
+            "{standby_until} s, {timeout_ms} ms, {lower_after_ms} ms"
+        );
+    }
 }
 
 /// A throttle of a lower source that was lost once, seconds ago. A higher one waits to take over from 20 s on, is away from 22 s to

@@ -99,7 +99,7 @@ impl Oracle {
         // A standby that takes effect is its source's own, and permits its next run.
         if self.wire_run
             && self.latched.is_none()
-            && let Some(origin) = self.ended_by_lower(at)
+            && let Some(origin) = self.ended_by_lower(at).or(self.ended_by_lower_since_last_run())
             && let Some(source) = &mut self.sources[slot(origin)]
         {
             source.permitted = Some(at);

@@ -115,6 +115,7 @@ impl Oracle {
     }
 
     pub(super) fn use_up_all(&mut self) {
+        self.lower_standby = None;
         for source in self.sources.iter_mut().flatten() {
             source.permitted = None;
         }

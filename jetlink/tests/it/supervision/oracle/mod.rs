@@ -268,6 +268,8 @@ pub struct Oracle {
     over: Option<(u64, String)>,
     /// Time of a reason for standby: a source that may or may not be in control, or the last stage of loss.
     standby_reason: Option<u64>,
+    /// The lower source whose standby may have ended the run, and when. The next frame may come when that source is silent.
+    lower_standby: Option<(Origin, u64)>,
     /// It rises at its set rate, since this time and from this value.
     rising: Option<(u64, u16)>,
     /// When the commanded demand was last within the risen value.
@@ -363,6 +365,7 @@ impl Oracle {
             silent: None,
             over: None,
             standby_reason: None,
+            lower_standby: None,
             rising: None,
             met_at: None,
             rpm_last: false,
@@ -474,8 +477,12 @@ impl Oracle {
                 self.wanted_until_least = to;
             }
         }
-        if self.wire_run && (self.ended_by_loss(to) || self.ended_by_lower(to).is_some()) {
-            self.standby_reason = Some(to);
+        if self.wire_run {
+            let lower = self.ended_by_lower(to);
+            self.lower_standby = lower.map(|origin| (origin, to)).or(self.lower_standby);
+            if self.ended_by_loss(to) || lower.is_some() {
+                self.standby_reason = Some(to);
+            }
         }
         self.at = to;
     }
@@ -688,6 +695,13 @@ impl Oracle {
             return None;
         }
         lower(at).or_else(|| lower(self.last_run))
+    }
+
+    /// The lower source whose standby may have ended the run since the last frame with it, and that has commanded nothing else since.
+    fn ended_by_lower_since_last_run(&self) -> Option<Origin> {
+        let (origin, since) = self.lower_standby?;
+        let is_standby = self.sources[slot(origin)]?.intent == Intent::Standby;
+        (is_standby && since + TOL >= self.last_run).then_some(origin)
     }
 
     /// The order to run has ended.
