@@ -119,15 +119,9 @@ macro_rules! any_link {
                     }
             }
 
-            fn release(&mut self, released: bool) {
+            fn release(&mut self, released: bool) -> Option<Throttle> {
                 match self {
                         $(Self::$name(link) => link.release(released),)+
-                    }
-            }
-
-            fn start_throttle(&self) -> Option<Throttle> {
-                match self {
-                        $(Self::$name(link) => link.start_throttle(),)+
                     }
             }
 

@@ -64,14 +64,13 @@ impl Engine {
                 let (doubts, demand) =
                     (run.life.in_doubt().is_some() || run.shaper.waits(), run.demand.shaped);
                 let open = !doubts || (self.link.answers_frames() && run.life.answers());
-                self.link.release(run.life.reached());
+                let start = self.link.release(run.life.reached()).map(Demand::Throttle);
                 let sent = if open { self.order_demand(now, demand) } else { self.order_doubt(now, demand) };
                 // AMT-14: the demand that ends the start throttle is a lower one.
-                let start = self.link.start_throttle().map(Demand::Throttle);
                 if let Mode::Run(run) = &mut self.mode {
                     let goes_out = matches!(sent, Order::Run(_));
-                    let before = start.unwrap_or(run.demand.sent);
-                    run.lowered.observe(now, start.unwrap_or(demand), goes_out, before);
+                    let (to, from) = start.map_or((demand, run.demand.sent), |start| (start, start));
+                    run.lowered.observe(now, to, goes_out, from);
                 }
                 self.note_order(if doubts { Order::Doubt(demand) } else { sent }, origin);
             }

@@ -421,13 +421,10 @@ impl Link for AmtLink {
         self.observation.take()
     }
 
-    fn release(&mut self, released: bool) {
+    fn release(&mut self, released: bool) -> Option<Throttle> {
         self.released = released;
         self.gaps.bridge(released);
-    }
-
-    fn start_throttle(&self) -> Option<Throttle> {
-        (!self.released).then_some(self.config.start_throttle)
+        (!released).then_some(self.config.start_throttle)
     }
 
     fn gap_at(&self) -> Option<Instant> {

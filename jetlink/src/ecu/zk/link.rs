@@ -28,7 +28,7 @@ use crate::link::{
     ServiceFrames, Speaks, Transmission, earlier,
 };
 use crate::report::{NotSent, bump};
-use crate::units::{Hectopascals, Rpm};
+use crate::units::{Hectopascals, Rpm, Throttle};
 use embassy_time::{Duration, Instant};
 
 /// The conversation with one ZK ECU.
@@ -150,8 +150,8 @@ impl ZkLink {
     }
 
     /// Whether the ECU may have the command that opens its pump and the one that closes it (ZK-7). Of one that does not, a pump with a
-    /// voltage was not left open by a service. Asked of a pump that is found open only: one that a service opened is closed whatever
-    /// version is reported since, because a forged report must not leave it open.
+    /// voltage was not left open by a service. It matters for a pump that is found open only: one that a service opened is closed
+    /// whatever version is reported since, because a forged report must not leave it open.
     fn may_have_close_pump(&self) -> bool {
         let needed = Control::Action(Action::ClosePump).min_version();
         Version::knows(self.version(), needed) != Some(false)
@@ -392,8 +392,9 @@ impl Link for ZkLink {
         self.observation.take()
     }
 
-    fn release(&mut self, released: bool) {
+    fn release(&mut self, released: bool) -> Option<Throttle> {
         self.gaps.bridge(released);
+        None
     }
 
     fn gap_at(&self) -> Option<Instant> {
