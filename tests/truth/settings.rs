@@ -117,9 +117,9 @@ impl Setup {
         self.ecu.protocol()
     }
 
-    /// The same engine with another ECU of this version; `None` if there are no versions.
-    pub fn another(&self, version: u8) -> Option<AnyEcu> {
-        ecus::config(&self.ecu).another(version)
+    /// Another ECU of this protocol; the number (1 to 6) decides in what it differs.
+    pub fn another(&self, number: u8) -> AnyEcu {
+        ecus::config(&self.ecu).another(number)
     }
 
     /// The node's command for a pilot's; `None` where the node has none for it.

@@ -82,8 +82,16 @@ impl Director {
                 ("supply low", vec![fault(Fault::LowSupply, length), Step::Wait(length + 5 * SECOND)])
             }
             100..103 => ("a start while hot", self.start_while_hot(rng)),
+            103 => ("another ECU in flight", self.another_ecu_in_flight(rng)),
             _ => ("odd frames", self.odd_frames(rng)),
         }
+    }
+
+    /// It is at rest, and its engine is not started by the order for the one before, however short the time without power was.
+    fn another_ecu_in_flight(&self, rng: &mut Rng) -> Vec<Step> {
+        let off = rng.spread(50 * MS, 20 * SECOND);
+        let swap = Step::Act(Act::Swap(rng.between(1, 7) as u8, off));
+        vec![swap, Step::Wait(off + self.rules.boot + rng.between(3, 8) * SECOND)]
     }
 
     fn cut(&self, rng: &mut Rng) -> (Fault, u64) {

@@ -36,7 +36,7 @@ impl Director {
             (4, true) => ("services", self.services(rng)),
             (5, true) if rng.percent(50) => ("PWM without a permission", self.pwm_without(rng)),
             (5, true) => ("PWM", self.pwm(rng)),
-            (6, true) => ("another ECU", self.another_ecu(rng)),
+            (6, _) => ("another ECU", self.another_ecu(rng)),
             (0..4, false) => ("a start that is refused", self.refused(rng)),
             (4, false) => ("a start that fails", self.fails(rng)),
             (5 | 7, _) => ("a start right after a gap", self.after_a_gap(rng)),

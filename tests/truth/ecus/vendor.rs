@@ -89,8 +89,8 @@ pub trait WorldConfig {
     /// Whether it holds an rpm itself.
     fn holds_rpm(&self) -> bool;
 
-    /// The same engine with another ECU of this version; `None` if there are no versions.
-    fn another(&self, version: u8) -> Option<AnyEcu>;
+    /// Another ECU of this protocol, as it is plugged in at rest; the number (1 to 6) decides in what it differs.
+    fn another(&self, number: u8) -> AnyEcu;
 
     /// The node's service command for a pilot's; `None` where the protocol has none for it.
     fn service(&self, command: PilotCommand) -> Option<Service>;

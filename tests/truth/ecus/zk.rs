@@ -158,8 +158,9 @@ impl WorldConfig for ZkConfig {
         self.version >= 4
     }
 
-    fn another(&self, version: u8) -> Option<AnyEcu> {
-        Some(AnyConfig::Zk(self.clone().with_version(version)).ecu())
+    /// The same engine with an ECU of this version.
+    fn another(&self, number: u8) -> AnyEcu {
+        AnyConfig::Zk(self.clone().with_version(number)).ecu()
     }
 
     fn service(&self, command: PilotCommand) -> Option<Service> {
