@@ -129,7 +129,8 @@ impl Director {
             4 if rng.percent(50) => (Fault::Framing(NO_FRAME), rng.between(12, 18) * SECOND),
             4 => (Fault::Damage(true, false), rng.between(12, 18) * SECOND),
             5 | 6 => (Fault::Babble, self.outlived(rng.spread(400 * MS, 8 * SECOND))),
-            _ => (Fault::Damage(false, true), patience * rng.between(50, 88) / 100),
+            _ if rng.percent(8) => (Fault::Damage(rng.percent(50), true), rng.spread(patience, 10 * SECOND)),
+            _ => (Fault::Damage(rng.percent(30), true), patience * rng.between(50, 88) / 100),
         };
         vec![fault(what, length.max(MS)), Step::Wait(length + SECOND)]
     }
