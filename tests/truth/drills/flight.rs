@@ -77,8 +77,9 @@ impl Director {
             88..92 => ("the transmitter hangs", self.stall(rng)),
             92..95 => ("present", self.present(rng)),
             95..100 => ("standby over a reset", self.standby_over_a_reset(rng)),
-            100 | 101 if self.rules.limit_supply.is_some() && traits.reports_supply => {
-                let length = rng.spread(SECOND, 8 * SECOND);
+            100 | 101 if self.rules.limit_supply.is_some() => {
+                let rare = if traits.supply_every > 0 { 3 * SECOND } else { 0 };
+                let length = rare + rng.spread(SECOND, 8 * SECOND);
                 ("supply low", vec![fault(Fault::LowSupply, length), Step::Wait(length + 5 * SECOND)])
             }
             100..103 => ("a start while hot", self.start_while_hot(rng)),

@@ -10,11 +10,17 @@ use jetlink::ecu::amt::codec::EngineModel;
 use jetlink::ecu::amt::config::{Config, Service as AmtService};
 use jetlink::ecu::{EcuConfig, Service};
 use jetlink::line::Line;
-use jetlink::units::Throttle;
+use jetlink::units::{Millivolts, Throttle};
 use sim::amt::{AmtCommand, AmtConfig, AmtEcu, AmtTemper, InFlight, Status};
 use sim::any::{AnyConfig, AnyEcu};
 use sim::control::{Command, Frame};
 use sim::turbine::Parameters;
+
+/// The supply of an ECU, and one below every limit, V.
+const SUPPLY: f64 = 7.4;
+const LOW_SUPPLY: f64 = 6.0;
+/// The limit, mV.
+const SUPPLY_LIMIT: u32 = 6800;
 
 /// For the named cases: an ECU as harmful as the document allows.
 pub fn case() -> (EngineConfig, AnyConfig) {
@@ -84,6 +90,10 @@ impl WorldEcu for AmtEcu {
 
     fn report_fault(&mut self, fault: Option<u8>) {
         self.set_errors(fault.map_or(0, errors));
+    }
+
+    fn lower_supply(&mut self, low: bool) {
+        self.set_supply(if low { LOW_SUPPLY } else { SUPPLY });
     }
 
     fn wrong_frame(&self, rng: &mut Rng) -> Vec<u8> {
@@ -171,6 +181,10 @@ impl WorldConfig for AmtConfig {
         let other = AmtConfig::new(engine);
         let (engine_id, version_text) = (other.engine_id, other.version_text);
         AnyConfig::Amt(Self { engine, engine_id, version_text, turbine, temper, ..self.clone() }).ecu()
+    }
+
+    fn low_supply(&self) -> Millivolts {
+        Millivolts::new(SUPPLY_LIMIT)
     }
 
     fn service(&self, command: PilotCommand) -> Option<Service> {

@@ -66,6 +66,13 @@ fn an_ignition_follows_one_sources_own_standby_and_run_while_armed() {
     };
     streams(ready(ZK5)).with(supply(false)).passes();
     streams(ready(ZK5)).with(supply(true)).breaks(&[Rule::Ignition, Rule::RunAtRest]);
+    // An AMT ECU reports it less often.
+    let since = |at: u64| {
+        let low = Spans::from(&[(at * MS, 8 * SECOND)]);
+        streams(ready(AMT)).with(supply(true)).with(move |h| h.low_supply = low)
+    };
+    since(2000).passes();
+    since(500).breaks(&[Rule::Ignition, Rule::RunAtRest]);
     let pump = |last: u8| {
         let service = PilotCommand::Service(12);
         let opened = ready(ZK5).once(PILOT, 3.0, service).wire(3.0, 3.01, Sent::Action(12));
