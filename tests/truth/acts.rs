@@ -16,7 +16,7 @@ pub enum Act {
     Beside(Fault, u64),
     /// A change of the share to which the demand is reduced while another engine has failed, per mille.
     Share(u16),
-    /// Another ECU, of this version, is plugged in; time without power, µs.
+    /// Another ECU is plugged in: its number (on ZK its version), and its time without power, µs.
     Swap(u8, u64),
 }
 

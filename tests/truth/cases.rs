@@ -395,14 +395,19 @@ fn after_an_emergency_stop_a_source_has_to_disarm_before_it_arms() {
 
 #[test]
 fn another_ecu_is_plugged_in_while_the_link_is_down() {
-    for (old, new, demand) in [
-        (5, 3, Demanded::Rpm(120_000)),
-        (5, 3, Demanded::Throttle(DEMAND)),
-        (3, 5, Demanded::Throttle(DEMAND)),
+    let (throttle, off) = (Demanded::Throttle(DEMAND), 10 * SECOND);
+    for (setup, new, demand, off) in [
+        (Setup::zk_case(5), 3, Demanded::Rpm(120_000), off),
+        (Setup::zk_case(5), 3, throttle, off),
+        (Setup::zk_case(3), 5, throttle, off),
+        // The same engine and another one; for less than a gap, too.
+        (Setup::amt_case(), 4, throttle, off),
+        (Setup::amt_case(), 1, throttle, off),
+        (Setup::amt_case(), 1, throttle, 100 * MS),
     ] {
         let mut acts = flight(demand);
-        acts.push(at(AT * 1000, Act::Swap(new, 10 * SECOND)));
-        let seen = Seen::of(Setup::zk_case(old), acts, vec![], 120);
+        acts.push(at(AT * 1000, Act::Swap(new, off)));
+        let seen = Seen::of(setup, acts, vec![], 120);
         // A command to the first ECU; the engine on the other is never started.
         seen.is_good().ignitions(0, 1);
         seen.only(AT * 1000 + 300, 120_000, 100, |sent| !is_run(sent));

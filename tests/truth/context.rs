@@ -230,9 +230,9 @@ impl EngineContext {
         }
         if at >= self.next_swap {
             self.next_swap = at + rng.wait(3000 * SECOND);
-            let version = rng.between(1, 7) as u8;
+            let number = rng.between(1, 7) as u8;
             let off = rng.spread(50 * MS, 60 * SECOND);
-            self.swap(rng, version, off);
+            self.swap(rng, number, off);
         }
         self.direct(rng);
         self.play_script(rng, owner);
@@ -329,7 +329,7 @@ impl EngineContext {
                     self.disturber.begin_beside(rng, &self.plug, fault, at, at + length);
                     self.note(format!("{fault} for {} ms", length / MS));
                 }
-                Act::Swap(version, off) => self.swap(rng, version, off),
+                Act::Swap(number, off) => self.swap(rng, number, off),
                 Act::Share(share) => self.share(owner, share),
             }
         }
@@ -486,16 +486,17 @@ impl EngineContext {
         self.note(format!("the share beside an engine that failed is {} per mille", share));
     }
 
-    /// Another ECU of the same kind, with this version, is plugged in, and has no power for this time.
-    fn swap(&mut self, rng: &mut Rng, version: u8, off: u64) {
+    /// Another ECU of the same protocol is plugged in, and has no power for this time.
+    fn swap(&mut self, rng: &mut Rng, number: u8, off: u64) {
         let at = now();
-        let Some(ecu) = self.setup.another(version) else { return };
+        let ecu = self.setup.another(number);
         self.look();
         drop(self.plug.replace_ecu(ecu));
         (self.ignitions, self.given_up) = (0, 0);
         self.power_off(rng, at + off);
+        let version = if self.history.traits().versions { number } else { 0 };
         self.history.versions.push((at, version));
-        self.note(format!("another ECU, of version {version}, without power for {} ms", off / MS));
+        self.note(format!("another ECU, number {number}, without power for {} ms", off / MS));
     }
 
     /// Ends the history.

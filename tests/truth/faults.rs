@@ -195,7 +195,10 @@ impl Disturber {
                     rng.pick(&[(true, false), (true, false), (false, true), (true, true)]);
                 // Damaged frames count as frames for 10 s only.
                 let longest = if rng.percent(15) { 40 * SECOND } else { 10 * SECOND };
-                let longest = if to_ecu { patience.min(10 * SECOND) * 9 / 10 } else { longest };
+                // Beyond what the ECU tolerates it is a cut by its effect: rarely.
+                let tolerated = to_ecu && !rules.kind.continues_without_commands() && !rng.percent(15);
+                let longest = if to_ecu { longest.min(10 * SECOND) } else { longest };
+                let longest = if tolerated { longest.min(patience * 9 / 10) } else { longest };
                 (Fault::Damage(to_node, to_ecu), rng.spread(500 * MS, longest))
             }
             66..76 => (Fault::Noise(rng.percent(30)), rng.spread(500 * MS, 10 * SECOND)),

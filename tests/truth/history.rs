@@ -586,7 +586,7 @@ pub struct History {
     pub stalls: Vec<u64>,
     /// When the node opened the port of one again; `None`: its driver cannot.
     pub reopened: Option<Vec<u64>>,
-    /// The protocol version of the ECU from each instant on; empty: as in the rules.
+    /// When another ECU was plugged in, and its protocol version: 0 where there are none.
     pub versions: Vec<(u64, u8)>,
     /// The ECU's PWM input commands a running engine.
     pub pwm: Spans,
@@ -696,17 +696,17 @@ impl History {
 
     /// Number of status IDs that the ECU sends in turn: fewest and most of all ECUs that were plugged in.
     pub fn rounds(&self) -> (u64, u64) {
-        let first = self.rules.round;
         // ZK-7.
         let ids = |version| match version {
-            ..=1 => 6,
+            0 => self.rules.round,
+            1 => 6,
             2 => 7,
             3 | 4 => 8,
             5 => 9,
             _ => 10,
         };
         let others = || self.versions.iter().map(|(_, version)| ids(*version));
-        (others().fold(first, u64::min), others().fold(first, u64::max))
+        (others().fold(self.rules.round, u64::min), others().fold(self.rules.round, u64::max))
     }
 
     /// The last sample at or before an instant.

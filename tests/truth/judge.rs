@@ -22,7 +22,7 @@ mod sticks;
 mod stops;
 mod valve;
 
-use crate::history::{History, Mark, SECOND};
+use crate::history::{History, MS, Mark, SECOND};
 use case::Case;
 
 pub use case::{Rule, Share, Verdict, seconds};
@@ -69,6 +69,8 @@ pub fn judge(history: &History) -> Verdict {
     verdict.count("commands", history.commanded.len() as u64);
     verdict.count("resets", history.resets.len() as u64);
     verdict.count("seconds of running", running / SECOND);
+    let in_flight = history.versions.iter().filter(|(at, _)| case.runs.contains(at.saturating_sub(MS)));
+    verdict.count("other ECUs in place of one whose engine ran", in_flight.count() as u64);
     let ignitions = history.marks.iter().filter(|(_, mark)| *mark == Mark::Ignition).count();
     verdict.count("ignitions", ignitions as u64);
     verdict.findings.sort_by_key(|found| found.at);

@@ -27,8 +27,8 @@ pub struct Traits {
     pub reports_stages: bool,
     /// It reports how long its last start took.
     pub reports_start_time: bool,
-    /// It reports a supply that the simulation can lower.
-    pub reports_supply: bool,
+    /// Frames in which it reports its supply once, where that is not once in a round.
+    pub supply_every: u64,
     /// It has services, and a PWM input that can be in control.
     pub services: bool,
     /// It has CTF.
@@ -48,7 +48,8 @@ const AMT: Traits = Traits {
     reports_power_up: true,
     reports_stages: false,
     reports_start_time: false,
-    reports_supply: false,
+    // An alternate set follows ten others (AMT-2).
+    supply_every: 11,
     services: false,
     ctf: true,
     versions: false,
@@ -65,7 +66,7 @@ const ZK: Traits = Traits {
     reports_power_up: false,
     reports_stages: true,
     reports_start_time: true,
-    reports_supply: true,
+    supply_every: 0,
     services: true,
     ctf: false,
     versions: true,

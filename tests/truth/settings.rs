@@ -9,7 +9,7 @@ use jetlink::command::{Command, Demand};
 use jetlink::config::EngineConfig;
 use jetlink::engine::config::{Governor, Slew, Supervision};
 use jetlink::limit::{Action, Limit};
-use jetlink::units::{Celsius, Millivolts, Rpm, Throttle};
+use jetlink::units::{Celsius, Rpm, Throttle};
 use sim::any::{AnyConfig, AnyEcu, Protocol};
 
 /// One engine: the node's configuration for it, and its ECU.
@@ -74,10 +74,8 @@ impl Setup {
                 let at = Some(Rpm::new((idle * 1.15) as u32));
                 all.limits.low_rpm = Limit { at, action: Action::FailSafe };
             }
-            // It would be another supply, or none.
-            14 | 15 if !self.rules.kind.traits().reports_supply => {}
-            14 => all.limits.supply_low = Limit { at: Some(Millivolts::new(10_000)), action },
-            15 => all.start.supply_min = Some(Millivolts::new(10_000)),
+            14 => all.limits.supply_low = Limit { at: Some(ecus::config(&self.ecu).low_supply()), action },
+            15 => all.start.supply_min = Some(ecus::config(&self.ecu).low_supply()),
             0..3 => {
                 let at = Some(Celsius::from_tenths(rng.pick(&[5500, 6200])));
                 all.limits.over_temperature = Limit { at, action };
@@ -117,9 +115,9 @@ impl Setup {
         self.ecu.protocol()
     }
 
-    /// The same engine with another ECU of this version; `None` if there are no versions.
-    pub fn another(&self, version: u8) -> Option<AnyEcu> {
-        ecus::config(&self.ecu).another(version)
+    /// Another ECU of this protocol; the number (1 to 6) decides in what it differs.
+    pub fn another(&self, number: u8) -> AnyEcu {
+        ecus::config(&self.ecu).another(number)
     }
 
     /// The node's command for a pilot's; `None` where the node has none for it.

@@ -346,6 +346,11 @@ impl AmtEcu {
         &mut self.turbine
     }
 
+    /// Reports this supply voltage from now on, in V, in its alternate sets.
+    pub fn set_supply(&mut self, volts: f64) {
+        self.config.battery_v = volts;
+    }
+
     /// Sets errors to be reported in addition to the ECU's own, until changed. See [`error`].
     pub fn set_errors(&mut self, errors: u8) {
         self.forced_errors = errors;

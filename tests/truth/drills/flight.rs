@@ -77,13 +77,22 @@ impl Director {
             88..92 => ("the transmitter hangs", self.stall(rng)),
             92..95 => ("present", self.present(rng)),
             95..100 => ("standby over a reset", self.standby_over_a_reset(rng)),
-            100 | 101 if self.rules.limit_supply.is_some() && traits.reports_supply => {
-                let length = rng.spread(SECOND, 8 * SECOND);
+            100 | 101 if self.rules.limit_supply.is_some() => {
+                let rare = if traits.supply_every > 0 { 3 * SECOND } else { 0 };
+                let length = rare + rng.spread(SECOND, 8 * SECOND);
                 ("supply low", vec![fault(Fault::LowSupply, length), Step::Wait(length + 5 * SECOND)])
             }
             100..103 => ("a start while hot", self.start_while_hot(rng)),
+            103 => ("another ECU in flight", self.another_ecu_in_flight(rng)),
             _ => ("odd frames", self.odd_frames(rng)),
         }
+    }
+
+    /// It is at rest, and its engine is not started by the order for the one before, however short the time without power was.
+    fn another_ecu_in_flight(&self, rng: &mut Rng) -> Vec<Step> {
+        let off = rng.spread(50 * MS, 20 * SECOND);
+        let swap = Step::Act(Act::Swap(rng.between(1, 7) as u8, off));
+        vec![swap, Step::Wait(off + self.rules.boot + rng.between(3, 8) * SECOND)]
     }
 
     fn cut(&self, rng: &mut Rng) -> (Fault, u64) {
@@ -121,7 +130,8 @@ impl Director {
             4 if rng.percent(50) => (Fault::Framing(NO_FRAME), rng.between(12, 18) * SECOND),
             4 => (Fault::Damage(true, false), rng.between(12, 18) * SECOND),
             5 | 6 => (Fault::Babble, self.outlived(rng.spread(400 * MS, 8 * SECOND))),
-            _ => (Fault::Damage(false, true), patience * rng.between(50, 88) / 100),
+            _ if rng.percent(8) => (Fault::Damage(rng.percent(50), true), rng.spread(patience, 10 * SECOND)),
+            _ => (Fault::Damage(rng.percent(30), true), patience * rng.between(50, 88) / 100),
         };
         vec![fault(what, length.max(MS)), Step::Wait(length + SECOND)]
     }

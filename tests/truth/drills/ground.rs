@@ -25,7 +25,7 @@ impl Director {
         }
         match (rng.below(18), self.traits().services) {
             (10..13, true) if sends_by_itself => ("the pump, and nothing beside it", self.pump_alone(rng)),
-            (10..14, true) if self.rules.supply_counts || self.rules.limit_supply.is_some() => {
+            (10..14, _) if self.rules.supply_counts || self.rules.limit_supply.is_some() => {
                 ("a start with a low supply", self.low_supply(rng))
             }
             (10..18, _) => ("a start after a loss of power", self.start_after_a_loss_of_power(rng)),
@@ -36,7 +36,7 @@ impl Director {
             (4, true) => ("services", self.services(rng)),
             (5, true) if rng.percent(50) => ("PWM without a permission", self.pwm_without(rng)),
             (5, true) => ("PWM", self.pwm(rng)),
-            (6, true) => ("another ECU", self.another_ecu(rng)),
+            (6, _) => ("another ECU", self.another_ecu(rng)),
             (0..4, false) => ("a start that is refused", self.refused(rng)),
             (4, false) => ("a start that fails", self.fails(rng)),
             (5 | 7, _) => ("a start right after a gap", self.after_a_gap(rng)),
@@ -153,10 +153,12 @@ impl Director {
     }
 
     fn low_supply(&self, rng: &mut Rng) -> Vec<Step> {
-        let length = rng.between(3, 8) * SECOND;
+        // Until it is reported.
+        let rare = if self.traits().supply_every > 0 { 2 * SECOND } else { 0 };
+        let length = rare + rng.between(3, 8) * SECOND;
         let steps = vec![
             fault(Fault::LowSupply, length),
-            Step::Wait(rng.between(1500, 3000) * MS),
+            Step::Wait(rare + rng.between(1500, 3000) * MS),
             stream(self.main, IDLE),
             Step::Wait(length + SECOND),
         ];

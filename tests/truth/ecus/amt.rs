@@ -10,10 +10,17 @@ use jetlink::ecu::amt::codec::EngineModel;
 use jetlink::ecu::amt::config::{Config, Service as AmtService};
 use jetlink::ecu::{EcuConfig, Service};
 use jetlink::line::Line;
-use jetlink::units::Throttle;
+use jetlink::units::{Millivolts, Throttle};
 use sim::amt::{AmtCommand, AmtConfig, AmtEcu, AmtTemper, InFlight, Status};
 use sim::any::{AnyConfig, AnyEcu};
 use sim::control::{Command, Frame};
+use sim::turbine::Parameters;
+
+/// The supply of an ECU, and one below every limit, V.
+const SUPPLY: f64 = 7.4;
+const LOW_SUPPLY: f64 = 6.0;
+/// The limit, mV.
+const SUPPLY_LIMIT: u32 = 6800;
 
 /// For the named cases: an ECU as harmful as the document allows.
 pub fn case() -> (EngineConfig, AnyConfig) {
@@ -85,6 +92,10 @@ impl WorldEcu for AmtEcu {
         self.set_errors(fault.map_or(0, errors));
     }
 
+    fn lower_supply(&mut self, low: bool) {
+        self.set_supply(if low { LOW_SUPPLY } else { SUPPLY });
+    }
+
     fn wrong_frame(&self, rng: &mut Rng) -> Vec<u8> {
         let status = rng.pick(&[0, 1, 2, 12]) << 3;
         vec![0xFF, status | rng.pick(&[1, 2, 4]), rng.below(200) as u8, rng.below(200) as u8, 0, 0]
@@ -153,8 +164,27 @@ impl WorldConfig for AmtConfig {
         false
     }
 
-    fn another(&self, _version: u8) -> Option<AnyEcu> {
-        None
+    /// The number decides in what it differs: another engine, whose speeds and temperatures have the same scales, a start at any
+    /// temperature, and one that needs auto stop first. What the rules assume of an ECU, its times for example, is the same.
+    fn another(&self, number: u8) -> AnyEcu {
+        let differs = |bit: u8| number >> bit & 1 == 1;
+        let temper = AmtTemper {
+            starts_hot: self.temper.starts_hot ^ differs(1),
+            wants_auto_stop_first: self.temper.wants_auto_stop_first && !differs(2),
+            starts_after_silence: self.temper.starts_after_silence ^ differs(2),
+            ..self.temper
+        };
+        let (engine, turbine) = match differs(0) {
+            true => (sim::amt::EngineModel::Titan, titan(&self.turbine)),
+            false => (self.engine, self.turbine),
+        };
+        let other = AmtConfig::new(engine);
+        let (engine_id, version_text) = (other.engine_id, other.version_text);
+        AnyConfig::Amt(Self { engine, engine_id, version_text, turbine, temper, ..self.clone() }).ecu()
+    }
+
+    fn low_supply(&self) -> Millivolts {
+        Millivolts::new(SUPPLY_LIMIT)
     }
 
     fn service(&self, command: PilotCommand) -> Option<Service> {
@@ -168,6 +198,18 @@ impl WorldConfig for AmtConfig {
             self.serial_delay / 1_000_000,
             self.temper
         )
+    }
+}
+
+/// A Titan whose start and cooling take as long as those of this turbine.
+fn titan(turbine: &Parameters) -> Parameters {
+    Parameters {
+        ignition_s: turbine.ignition_s,
+        preheat_s: turbine.preheat_s,
+        ramp_s: turbine.ramp_s,
+        learn_s: turbine.learn_s,
+        cooling_s: turbine.cooling_s,
+        ..Parameters::TITAN
     }
 }
 

@@ -5,6 +5,7 @@ use crate::history::PilotCommand;
 use crate::kind::Kind;
 use crate::pilots::Rng;
 use jetlink::ecu::{EcuConfig, Service};
+use jetlink::units::Millivolts;
 use sim::any::AnyEcu;
 use sim::ecu::Nanos;
 
@@ -49,8 +50,8 @@ pub trait WorldEcu {
     /// A well-formed frame that reports this; none, where the protocol has no such frame.
     fn odd_frame(&self, odd: Odd) -> Vec<u8>;
 
-    /// From now on it reports a supply below every limit, or its own, if it is known how it reports a supply.
-    fn lower_supply(&mut self, _low: bool) {}
+    /// From now on it reports a supply below every limit, or its own.
+    fn lower_supply(&mut self, low: bool);
 }
 
 /// What the judge may know about an ECU.
@@ -89,8 +90,11 @@ pub trait WorldConfig {
     /// Whether it holds an rpm itself.
     fn holds_rpm(&self) -> bool;
 
-    /// The same engine with another ECU of this version; `None` if there are no versions.
-    fn another(&self, version: u8) -> Option<AnyEcu>;
+    /// Another ECU of this protocol, as it is plugged in at rest; the number (1 to 6) decides in what it differs.
+    fn another(&self, number: u8) -> AnyEcu;
+
+    /// A limit below its own supply.
+    fn low_supply(&self) -> Millivolts;
 
     /// The node's service command for a pilot's; `None` where the protocol has none for it.
     fn service(&self, command: PilotCommand) -> Option<Service>;

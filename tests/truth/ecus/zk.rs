@@ -9,6 +9,7 @@ use jetlink::ecu::zk::codec::{Action, Rate};
 use jetlink::ecu::zk::config::{Config, Service as ZkService};
 use jetlink::ecu::{EcuConfig, Service};
 use jetlink::line::Line;
+use jetlink::units::Millivolts;
 use sim::any::{AnyConfig, AnyEcu};
 use sim::control::{Command, Frame};
 use sim::turbine::Switch;
@@ -18,6 +19,8 @@ use sim::zk::{ControlledBy, Pwm, ZkCommand, ZkConfig, ZkEcu, ZkTemper};
 /// The supply of an ECU, and one below every limit, V.
 const SUPPLY: f64 = 11.1;
 const LOW_SUPPLY: f64 = 9.0;
+/// The limit, mV.
+const SUPPLY_LIMIT: u32 = 10_000;
 
 /// For the named cases: an ECU as harmful as the document allows.
 pub fn case(version: u8) -> (EngineConfig, AnyConfig) {
@@ -158,8 +161,13 @@ impl WorldConfig for ZkConfig {
         self.version >= 4
     }
 
-    fn another(&self, version: u8) -> Option<AnyEcu> {
-        Some(AnyConfig::Zk(self.clone().with_version(version)).ecu())
+    /// The same engine with an ECU of this version.
+    fn another(&self, number: u8) -> AnyEcu {
+        AnyConfig::Zk(self.clone().with_version(number)).ecu()
+    }
+
+    fn low_supply(&self) -> Millivolts {
+        Millivolts::new(SUPPLY_LIMIT)
     }
 
     fn service(&self, command: PilotCommand) -> Option<Service> {

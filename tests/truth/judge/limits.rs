@@ -67,7 +67,7 @@ impl Case<'_> {
         if let Some(standby) = rules.limit_supply {
             // While it runs.
             let low = self.h.times(|sample| sample.runs() && self.h.low_supply.contains(sample.at));
-            self.acts(standby, "the supply", &low);
+            self.acts(standby, "the supply", &low, self.two_supplies());
         }
         if let Some(standby) = rules.limit_jump {
             self.jumps(standby);
@@ -76,17 +76,18 @@ impl Case<'_> {
             self.limit(standby, "the ECU's fault", |sample| sample.fault);
         }
         if let Some(standby) = rules.limit_flame {
-            self.acts(standby, "a shaft that runs down", &self.flame_outs());
+            self.acts(standby, "a shaft that runs down", &self.flame_outs(), self.two_values());
         }
         if let Some(standby) = rules.limit_hot {
-            self.acts(standby, "the rise of the exhaust in a start", &self.hot_starts());
+            let hot = self.hot_starts();
+            self.acts(standby, "the rise of the exhaust in a start", &hot, self.two_values());
         }
     }
 
     /// A limit that two values exceed has its action on the wire, also when the value is within it again.
     fn limit(&mut self, standby: bool, what: &str, beyond: impl Fn(&Sample) -> bool) {
         let exceeded = self.h.times(|sample| sample.runs() && beyond(sample));
-        self.acts(standby, what, &exceeded);
+        self.acts(standby, what, &exceeded, self.two_values());
     }
 
     /// Time in which two values arrive that are both from it.
@@ -100,10 +101,18 @@ impl Case<'_> {
         }
     }
 
-    fn acts(&mut self, standby: bool, what: &str, passed: &Spans) {
+    /// The same for two reports of the supply.
+    pub(super) fn two_supplies(&self) -> u64 {
+        match self.traits().supply_every {
+            0 => self.two_values(),
+            every => 2 * every * self.h.rules.period + 300 * MS,
+        }
+    }
+
+    /// `reports`: the time in which two values of it arrive.
+    fn acts(&mut self, standby: bool, what: &str, passed: &Spans, reports: u64) {
         let h = self.h;
         let rules = &h.rules;
-        let reports = self.two_values();
         let fall = 1000 * SECOND / u64::from(rules.ramp.min(rules.slew_down.unwrap_or(rules.ramp)).max(1));
         let acts = reports + if standby { SECOND } else { fall + SECOND };
         let hidden = self.blind.union(&h.noise).union(&self.down).union(&h.sensor).longer(2 * SECOND);

@@ -175,7 +175,11 @@ impl Case<'_> {
             return Some("the engine is not in standby".into());
         }
         let supply = h.rules.supply_counts || h.rules.limit_supply.is_some();
-        if supply && at > 2 * SECOND && h.low_supply.within(at - 2 * SECOND, at) == 2 * SECOND {
+        // A node that has just begun starts an engine whose supply was not reported.
+        let seldom = self.traits().supply_every > 0;
+        let low_for = if seldom { self.two_supplies() } else { 2 * SECOND };
+        let known = at > low_for && !(seldom && self.down.touches(at - low_for, at));
+        if supply && known && h.low_supply.within(at - low_for, at) == low_for {
             return Some("the supply is low".into());
         }
         // A pump that its node has opened and not closed again.

@@ -273,6 +273,18 @@ fn an_ecu_does_not_put_out_an_engine_for_want_of_commands() {
     cut(1650, true).breaks_beside(&[Rule::Doubt], &[]);
     cut(1500, true).breaks_beside(&[Rule::Doubt], &[Rule::GivenUp]);
     cut(1650, false).breaks(&[Rule::GivenUp]);
+    // Damage on the way to it for as long as it waits is a cut by its effect, and what tolerates a cut tolerates it.
+    let damaged = |kind, from: u64| {
+        story(kind).with(move |h: &mut History| {
+            h.noise_to_ecu = Spans::from(&[(from * MS, 39_900 * MS)]);
+            h.noise = h.noise_to_ecu.clone();
+        })
+    };
+    for kind in [AMT, Kind::Zk(3)] {
+        damaged(kind, 37_900).breaks_beside(&[Rule::Doubt], &[]);
+        damaged(kind, 38_900).breaks_beside(&[Rule::Doubt], &[Rule::GivenUp]);
+    }
+    damaged(ZK5, 36_900).breaks_beside(&[Rule::Doubt], &[Rule::GivenUp]);
     // It was handed over, and its PWM input is gone.
     let handed_over = |until: u64| move |h: &mut History| h.pwm.push(35 * SECOND, until * MS);
     story(Kind::Zk(3)).with(handed_over(40_100)).passes();

@@ -124,6 +124,20 @@ fn a_slow_shaft_a_low_supply_and_a_jump_have_the_action_of_their_limit() {
     };
     story(500).with(supply).breaks(&[Rule::Limit]);
     story(0).with(supply).passes();
+    // An AMT ECU reports it in every eleventh set: two of them come within 3.05 s.
+    let amt = |tenths, length: u64| {
+        flight(AMT, 40.0)
+            .streams(PILOT, 40.0, 60.0, PilotCommand::Run(Demanded::Throttle(500)))
+            .ramp(43.1, 500, tenths)
+            .wire(44.2, 60.0, Sent::Full(Switch::Run, tenths))
+            .wire(40.0, 43.1, HALF)
+            .turbine(40.0, 60.0, Phase::Running, 100_000.0, 500.0)
+            .with(supply)
+            .with(move |h| h.low_supply = Spans::from(&[(40 * SECOND, 40 * SECOND + length * MS)]))
+    };
+    amt(500, 3100).breaks(&[Rule::Limit]);
+    amt(500, 3000).passes();
+    amt(0, 3100).passes();
     let jump = |standby: bool| {
         move |h: &mut History| {
             h.rules.limit_jump = Some(standby);

@@ -34,6 +34,19 @@ fn starter_has_power_from_armed_until_the_engine_is_cold_and_at_rest_also_after_
     }
 }
 
+/// An ECU that is plugged in reports a cold engine at rest, whatever the one before did.
+#[test]
+fn another_ecu_may_report_a_cold_engine() {
+    for (kind, version) in [(AMT, 0), (ZK5, 4)] {
+        let plugged = |second: u64| {
+            let story = stopped(kind).with(move |h| h.versions = vec![(second * SECOND, version)]);
+            power(story, &[(50.0, Some(false))])
+        };
+        plugged(49).passes();
+        plugged(40).breaks(&[Rule::Power]);
+    }
+}
+
 #[test]
 fn starter_has_power_when_its_engine_is_armed_and_not_before() {
     let on = |at: f64| ready(ZK5).with(move |h| h.power = vec![(0, Some(false)), (micros(at), Some(true))]);

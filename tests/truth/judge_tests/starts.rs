@@ -66,6 +66,13 @@ fn an_ignition_follows_one_sources_own_standby_and_run_while_armed() {
     };
     streams(ready(ZK5)).with(supply(false)).passes();
     streams(ready(ZK5)).with(supply(true)).breaks(&[Rule::Ignition, Rule::RunAtRest]);
+    // An AMT ECU reports it less often.
+    let since = |at: u64| {
+        let low = Spans::from(&[(at * MS, 8 * SECOND)]);
+        streams(ready(AMT)).with(supply(true)).with(move |h| h.low_supply = low)
+    };
+    since(2000).passes();
+    since(500).breaks(&[Rule::Ignition, Rule::RunAtRest]);
     let pump = |last: u8| {
         let service = PilotCommand::Service(12);
         let opened = ready(ZK5).once(PILOT, 3.0, service).wire(3.0, 3.01, Sent::Action(12));
@@ -346,6 +353,26 @@ fn an_ecu_that_was_powered_up_is_not_sent_run() {
     };
     story(STANDBY).passes();
     story(HALF).breaks(&[Rule::RunAtRest, Rule::Doubt]);
+}
+
+/// Another ECU is plugged in, at rest: on AMT, too, it is not started by the run of the one before.
+#[test]
+fn another_ecu_is_not_started_by_the_run_of_the_one_before() {
+    let story = |until: f64| {
+        flight(AMT, 40.0)
+            .with(|h| {
+                h.unpowered = Spans::from(&[(40 * SECOND, 40_100 * MS)]);
+                h.versions = vec![(40 * SECOND, 0)];
+                assert_eq!((h.version(41 * SECOND), h.rounds()), (0, (1, 1)));
+            })
+            .turbine(40.0, 50.0, Phase::Standby, 0.0, 15.0)
+            .streams(PILOT, 40.0, 50.0, PilotCommand::Run(Demanded::Throttle(500)))
+            .wire(40.5, until, HALF)
+            .wire(until, 50.0, STANDBY)
+    };
+    story(40.5).passes();
+    story(42.0).breaks(&[Rule::RunAtRest]);
+    story(40.6).mark(41.0, Mark::Ignition).breaks_beside(&[Rule::RunAtRest], &[Rule::Ignition]);
 }
 
 #[test]
