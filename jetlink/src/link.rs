@@ -179,6 +179,10 @@ pub trait Link {
     /// Sets whether the engine runs. Until it does, "run" to an AMT ECU carries the throttle of a start (AMT-14), the engine keeps
     /// the demand at idle for every ECU, and damaged frames prevent a gap for a shorter time ([`GapDetector::bridge`]).
     fn release(&mut self, released: bool);
+    /// The throttle that goes out with "run" in place of the demand; `None`: the demand does.
+    fn start_throttle(&self) -> Option<Throttle> {
+        None
+    }
     /// Time at which three expected frames will be missing; `None` before the first frame and after such a gap.
     fn gap_at(&self) -> Option<Instant>;
     /// Whether the ECU expects a reply to each of its frames and is sent nothing else (AMT).

@@ -5,7 +5,7 @@ use crate::command::{Order, Rejected};
 use crate::line::{Line, LineError, Timing};
 use crate::link::{Link, LinkRecord, LinkStatus, Observation, Output, ServiceFrames, Speaks};
 use crate::report::NotSent;
-use crate::units::Hectopascals;
+use crate::units::{Hectopascals, Throttle};
 use embassy_time::{Duration, Instant};
 
 macro_rules! any_link {
@@ -122,6 +122,12 @@ macro_rules! any_link {
             fn release(&mut self, released: bool) {
                 match self {
                         $(Self::$name(link) => link.release(released),)+
+                    }
+            }
+
+            fn start_throttle(&self) -> Option<Throttle> {
+                match self {
+                        $(Self::$name(link) => link.start_throttle(),)+
                     }
             }
 

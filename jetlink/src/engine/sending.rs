@@ -66,9 +66,12 @@ impl Engine {
                 let open = !doubts || (self.link.answers_frames() && run.life.answers());
                 self.link.release(run.life.reached());
                 let sent = if open { self.order_demand(now, demand) } else { self.order_doubt(now, demand) };
+                // AMT-14: the demand that ends the start throttle is a lower one.
+                let start = self.link.start_throttle().map(Demand::Throttle);
                 if let Mode::Run(run) = &mut self.mode {
                     let goes_out = matches!(sent, Order::Run(_));
-                    run.lowered.observe(now, demand, goes_out, run.demand.sent);
+                    let before = start.unwrap_or(run.demand.sent);
+                    run.lowered.observe(now, start.unwrap_or(demand), goes_out, before);
                 }
                 self.note_order(if doubts { Order::Doubt(demand) } else { sent }, origin);
             }

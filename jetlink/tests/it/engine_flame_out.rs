@@ -1,8 +1,10 @@
 //! The limit of flame-outs: an uncommanded loss of speed, and what explains one.
 
-use jetlink::command::{Command, Order, Origin};
+use jetlink::command::{Accepted, Command, Order, Origin};
+use jetlink::ecu::EcuConfig;
 use jetlink::limit::{Limit, LimitKind};
 use jetlink::line::LineError;
+use jetlink::units::Throttle;
 
 use crate::engine_limits::{burns, running};
 use crate::support::frames::amt as amt_frames;
@@ -169,6 +171,33 @@ fn zk_an_rpm_that_the_ecu_follows_late_explains_a_fall_then() {
         let mut found = scenario.limits();
         found.retain(|kind| *kind == LimitKind::FlameOut);
         assert_eq!(found, limits, "after {late} s, from {from} rpm to {to} rpm");
+    }
+}
+
+/// AMT-14: an ECU that reports a running engine late has held it at the start throttle until then: the demand that follows is a lower one.
+/// A demand as high explains nothing.
+#[test]
+fn amt_14_the_end_of_the_start_throttle_explains_a_fall() {
+    for (start, limits) in [(20, &[][..]), (0, &[LimitKind::FlameOut][..])] {
+        let mut config = Ecu::Amt.with(|s| s.limits.low_rpm = Limit::NONE);
+        if let EcuConfig::Amt(amt) = &mut config.ecu {
+            amt.start_throttle = Throttle::from_percent(start).unwrap();
+        }
+        let mut scenario = Scenario::ready(Ecu::Amt, config);
+        assert_eq!(scenario.command(run(0)), Ok(Accepted::InForce));
+        // Longer than a throttle that is not followed explains a fall.
+        scenario.reports(Reports::Starting).fly_us(run(0), Origin::Rc, 16 * SECOND);
+        scenario.values.rpm = Some(20_000);
+        scenario.fly_us(run(0), Origin::Rc, 3 * SECOND);
+        scenario.reports(Reports::Running);
+        scenario.bench.events();
+        for i in 1..=30 {
+            scenario.values.rpm = Some((20_000 - i * 8_000 / 30) / 500 * 500);
+            let _ = scenario.command(run(0));
+            scenario.pass_us(FRAME_PERIOD_US);
+        }
+        assert!(matches!(scenario.order(), Order::Run(_)), "{:?}", scenario.order());
+        assert_eq!(scenario.limits(), limits, "start throttle {start} %");
     }
 }
 

@@ -426,6 +426,10 @@ impl Link for AmtLink {
         self.gaps.bridge(released);
     }
 
+    fn start_throttle(&self) -> Option<Throttle> {
+        (!self.released).then_some(self.config.start_throttle)
+    }
+
     fn gap_at(&self) -> Option<Instant> {
         self.gaps.gap_at()
     }
