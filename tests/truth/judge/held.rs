@@ -254,7 +254,7 @@ impl Case<'_> {
             };
             let rises = resumed.as_ref().filter(|resumed| at <= risen(resumed)).map(|resumed| resumed.name);
             let waits = match &resumed {
-                // It goes on with the demand that its source had before.
+                // It resumes with the demand that its source had before.
                 Some(Resumed { end, kept: true, .. }) if from <= *end && commanding(source) < *end => false,
                 // A source that had not taken over yet may not have come nearer to that.
                 Some(Resumed { end, kept: false, .. }) => at <= begin.max(*end) + bound(from, source),
