@@ -8,6 +8,7 @@ mod demand;
 mod doubt;
 mod fuel;
 mod healthy;
+mod held;
 mod limits;
 mod mavlink;
 mod obeyed;

@@ -3,6 +3,7 @@
 mod evidence;
 mod flight;
 mod hand_over;
+mod held;
 mod limits;
 mod mavlink;
 mod power;

@@ -1,7 +1,7 @@
 //! The converse: an engine that runs, and is sent run, is not shut down, not given up, and not held low.
 
-use super::case::{Case, Rule, seconds};
-use crate::history::{Cause, Demanded, MS, Mark, PilotCommand, Reset, SECOND, Sample, Sent, Spans, Switch};
+use super::case::{Case, Rule};
+use crate::history::{Cause, MS, Mark, PilotCommand, Reset, SECOND, Sample, Sent, Spans, Switch};
 use sim::turbine::Phase;
 
 /// Time for which an engine has to run, and be received, before the node has to know it.
@@ -9,11 +9,11 @@ const KNOWN: u64 = 3 * SECOND;
 /// Time after the end of a disturbance until everything is normal again.
 const SETTLES: u64 = 1500 * MS;
 /// Fall of an exhaust over 2 s, °C, that may show two steps of an AMT report, of 4.6 °C each.
-const FALLS: f64 = 4.0;
+pub(super) const FALLS: f64 = 4.0;
 
 impl Case<'_> {
     /// Times in which the rules of this file do not bind, each with its name.
-    fn exemptions(&self) -> Vec<(&'static str, Spans)> {
+    pub(super) fn exemptions(&self) -> Vec<(&'static str, Spans)> {
         let h = self.h;
         let patience = h.rules.gives_up_after;
         // A node that is up repeatedly for less than it takes to find out counts as down.
@@ -583,178 +583,6 @@ impl Case<'_> {
             || other
             || ctf
     }
-
-    /// Whether the last gap of this source was a short one, in a steady stream of a source that was in control: it continues
-    /// without a take-over.
-    fn came_back(&self, source: usize, at: u64, most: u64) -> bool {
-        let h = self.h;
-        let Some(commands_for_long) = self.command_log.commands_since(source, at) else { return false };
-        let Some((before, PilotCommand::Run(_))) =
-            self.command_log.last(source, commands_for_long.saturating_sub(1))
-        else {
-            return false;
-        };
-        let short = commands_for_long
-            <= before + self.command_log.age(source) + h.rules.return_within.saturating_sub(100 * MS);
-        let since = before.saturating_sub(most);
-        let steady = self.command_log.commands_since(source, before).is_some_and(|from| from <= since);
-        // A standby from a lower source during the stages of loss is not in control.
-        let alone = h.commanded(since, at).iter().all(|commanded| {
-            commanded.source == source
-                && (!commanded.command.is_received() || matches!(commanded.command, PilotCommand::Run(_)))
-        });
-        let hidden =
-            self.blind.union(&h.noise).union(&h.deaf).touches(since, at) || self.down.touches(since, at);
-        let runs = self.runs.last_before(at).is_some_and(|(from, _)| from <= since);
-        short && steady && alone && runs && !hidden
-    }
-
-    /// The demand follows what is commanded, downwards always, upwards unless something limits it.
-    pub(super) fn held(&mut self) {
-        let h = self.h;
-        let rules = &h.rules;
-        let exempt =
-            self.exemptions().into_iter().fold(Spans::default(), |all, (_, spans)| all.union(&spans));
-        let rise = rules.rise.min(rules.slew_up.unwrap_or(rules.rise)).max(1);
-        let quick = 1000 * SECOND / u64::from(rise) + 700 * MS;
-        let most = rules.takeover + rules.recover_after + quick + 1300 * MS;
-        // A node that was reset, or did not receive the ECU, has to find out what its engine does.
-        let hidden = self.blind.union(&h.noise).longer(self.two_states() + SECOND);
-        // With error sets only, an AMT engine whose exhaust temperature falls may be in any state: its demand
-        // is not raised.
-        let dumb = if self.traits().faults_hide_state {
-            self.faults.longer(self.two_states() + SECOND)
-        } else {
-            Spans::default()
-        };
-        let hidden = hidden.union(&dumb);
-        let hidden = hidden.union(&self.down.longer(rules.listen + self.two_states() + SECOND));
-        // After the transmitter has hung, the demand rises from its previous value.
-        let hidden = hidden.union(&self.stalled().longer(quick));
-        let mut since: Option<(u64, usize, Demanded)> = None;
-        // Since when the same source has been in control, with nothing in the way.
-        let mut control: Option<(u64, usize)> = None;
-        let (mut reported, mut judged, mut limited) = (0, 0, 0);
-        let mut frame = 0;
-        let (mut low_since, mut high_since) = (None, None);
-        // No demand takes longer to fall.
-        let fall = 1000 * SECOND / u64::from(rules.slew_down.unwrap_or(1000).min(rules.ramp).max(1));
-        let mut last = 0;
-        for sample in &h.samples {
-            let at = sample.at;
-            let new = h.commanded(last, at);
-            let elapsed = at - core::mem::replace(&mut last, at);
-            let run = self.command_log.run_in_control(at).filter(|(source, _)| {
-                // No source above it was received lately, which might still be in control.
-                (0..*source).all(|higher| {
-                    self.command_log.last(higher, at).is_none_or(|(when, command)| {
-                        at > when + self.command_log.age(higher) + rules.hold
-                            || command == PilotCommand::Nothing
-                    })
-                })
-            });
-            // A source that was lost has to command for a while first.
-            let commanding = |source| self.command_log.commands_since(source, at).unwrap_or(at);
-            let steady = run.filter(|_| {
-                sample.runs()
-                    && self.known_to_run(at)
-                    && !hidden.contains(at)
-                    && !exempt.contains(at)
-                    && !self.stopped.touches(at.saturating_sub(SECOND), at + 1)
-                    && !h.pwm.contains(at)
-            });
-            control = steady
-                .map(|(source, _)| control.filter(|(_, before)| *before == source).unwrap_or((at, source)));
-            since = match (steady, since) {
-                (None, _) => None,
-                (Some((source, demanded)), Some((from, before, requested)))
-                    if source == before
-                        && demanded == requested
-                        && !new
-                            .iter()
-                            .any(|each| each.source == source && strays(each.command, demanded)) =>
-                {
-                    Some((from, source, demanded))
-                }
-                (Some((source, demanded)), _) => Some((at, source, demanded)),
-            };
-            while frame < h.frames.len() && h.frames[frame].at <= at {
-                frame += 1;
-            }
-            // A source that has long been in control, without a loss, does not have to wait when it moves its stick.
-            let settled = |from: u64, source: usize| {
-                control.is_some_and(|(control, _)| from > control.max(commanding(source)) + most)
-            };
-            let bound = |from: u64, source: usize| {
-                if settled(from, source) || self.came_back(source, at, most) { quick } else { most }
-            };
-            let Some((from, source, demanded)) = since
-                .filter(|&(from, source, _)| at > from.max(commanding(source)) + quick && at >= reported)
-                .filter(|&(from, source, _)| at > from.max(commanding(source)) + bound(from, source))
-            else {
-                (low_since, high_since) = (None, None);
-                continue;
-            };
-            let knows_rpm = h.version(at) >= 4 && !rules.governor;
-            if matches!(demanded, Demanded::Rpm(_)) && !knows_rpm {
-                (low_since, high_since) = (None, None);
-                continue;
-            }
-            // What shut it down is another matter.
-            let switch = h.frames[..frame].iter().rev().take(64).find_map(|frame| frame.sent.switch());
-            if matches!(switch, Some(Switch::Stop | Switch::Standby)) {
-                continue;
-            }
-            let sent = h.frames[..frame]
-                .iter()
-                .rev()
-                .take(16)
-                .find_map(|frame| frame.sent.demand().map(|demanded| (frame.at, demanded)));
-            let same = |sent: Demanded| core::mem::discriminant(&sent) == core::mem::discriminant(&demanded);
-            let fresh = |when: u64| at < when + 4 * rules.period + 200 * MS;
-            let high = sent.is_some_and(|(when, sent)| {
-                fresh(when) && same(sent) && self.share(sent) > self.share(demanded) + 8.0
-            });
-            let fallen = at > from.max(commanding(source)) + bound(from, source) + fall;
-            high_since = (high && fallen).then(|| high_since.unwrap_or(at));
-            if let (Some(since), Some((_, sent))) = (high_since, sent)
-                && at >= since + SECOND
-            {
-                let text = format!(
-                    "source {source} commands run at {demanded} since {}, and {sent} is on the wire",
-                    seconds(from)
-                );
-                self.verdict.finding(Rule::HeldUp, at, text);
-                reported = at + 60 * SECOND;
-            }
-            if self.reduced(at) {
-                low_since = None;
-                limited += elapsed;
-                continue;
-            }
-            judged += elapsed;
-            let low = match sent {
-                Some((when, sent)) if fresh(when) => {
-                    !same(sent) || self.share(sent) + 8.0 < self.share(demanded)
-                }
-                // What a hanging transmitter holds back does not count as a lower demand.
-                _ => !h.deaf.touches(at.saturating_sub(SECOND), at + 1),
-            };
-            // A reduction begins before its reason shows.
-            low_since = low.then(|| low_since.unwrap_or(at));
-            if low_since.is_some_and(|since| at >= since + SECOND) {
-                let text = format!(
-                    "source {source} commands run at {demanded} since {}, and {} is on the wire",
-                    seconds(from),
-                    sent.map_or("nothing".to_string(), |(_, demanded)| demanded.to_string())
-                );
-                self.verdict.finding(Rule::HeldDown, at, text);
-                reported = at + 60 * SECOND;
-            }
-        }
-        self.verdict.count("seconds in which a demand has to be obeyed", judged / SECOND);
-        self.verdict.count("seconds in which a limit or another engine may hold it low", limited / SECOND);
-    }
 }
 
 /// The longest time between two instants that none of these touches.
@@ -765,9 +593,4 @@ fn longest_outside(spans: &Spans, from_us: u64, at_us: u64) -> u64 {
         since = ends;
     }
     longest.max(at_us.saturating_sub(since))
-}
-
-/// Whether this commands another demand.
-fn strays(command: PilotCommand, demanded: Demanded) -> bool {
-    matches!(command, PilotCommand::Run(other) if other != demanded)
 }

@@ -12,7 +12,7 @@ const REPLIES: u64 = 30 * MS;
 /// Time after which the port of a transmitter that hangs has been opened again: 0.2 s, from the first frame that did not go out.
 const REOPENS_WITHIN: u64 = 500 * MS;
 /// Time for which damaged frames at the expected times are not a gap, in flight.
-const KEEPS_THE_BEAT: u64 = 10 * SECOND;
+pub(super) const KEEPS_THE_BEAT: u64 = 10 * SECOND;
 /// Default of `governor.max_age`.
 const SPEED_IS_OLD: u64 = 600 * MS;
 /// Well within the band for a take-over, 5 %; and well away from what is in force, 0.1 %.

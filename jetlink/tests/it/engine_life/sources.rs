@@ -1,6 +1,8 @@
 //! When standby takes two commands, and the meaning of a source that is present.
 
 use super::*;
+use bench::by_hand::at_us;
+use jetlink::engine::Engine;
 
 /// Two commands of a slow source count within two of its own periods, to the tick, if that is longer than its timeout.
 #[test]
@@ -273,5 +275,28 @@ fn a_source_that_is_present_for_the_first_time_does_not_delay_standby_while_list
         scenario.command_from(Command::Present, Origin::Mavlink).unwrap();
         scenario.pass_us(2 * SECOND);
         assert_eq!(scenario.order(), Order::Standby, "{ecu:?}");
+    }
+}
+
+/// An engine that is found in flight has the stages of loss from then on, also where a source has only been present (seed 198): the
+/// time before the node's start is no silence of that source.
+#[test]
+fn a_source_that_is_present_for_the_first_time_has_not_been_silent_before_the_start() {
+    for ecu in BOTH {
+        for present in [false, true] {
+            let config = ecu.with(|s| s.loss.standby_after = Some(Duration::from_secs(10)));
+            let mut scenario = Scenario::after_reset(ecu, config, None);
+            scenario.silent().pass_us(600 * SECOND + FRAME_PERIOD_US / 2);
+            let mut machine = Engine::new(&config);
+            machine.restore(None);
+            machine.start(at_us(scenario.now_us()));
+            *scenario.bench.machine = machine;
+            if present {
+                scenario.command_from(Command::Present, Origin::Mavlink).unwrap();
+            }
+            scenario.introduce();
+            scenario.reports(Reports::Running).pass_us(4 * SECOND);
+            assert!(matches!(scenario.order(), Order::Run(_)), "{ecu:?}, {present}: {}", scenario.order());
+        }
     }
 }
