@@ -125,12 +125,6 @@ macro_rules! any_link {
                     }
             }
 
-            fn start_throttle(&self) -> Option<Throttle> {
-                match self {
-                        $(Self::$name(link) => link.start_throttle(),)+
-                    }
-            }
-
             fn gap_at(&self) -> Option<Instant> {
                 match self {
                         $(Self::$name(link) => link.gap_at(),)+

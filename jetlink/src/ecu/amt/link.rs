@@ -427,10 +427,6 @@ impl Link for AmtLink {
         (!released).then_some(self.config.start_throttle)
     }
 
-    fn start_throttle(&self) -> Option<Throttle> {
-        (!self.released).then_some(self.config.start_throttle)
-    }
-
     fn gap_at(&self) -> Option<Instant> {
         self.gaps.gap_at()
     }
