@@ -272,7 +272,7 @@ sentences!(Order {
 sentences!(Interlock {
     Self::NotArmed => "arm the engine before a start";
     Self::NotIdle => "bring the demand to idle first";
-    Self::Link => "wait until the ECU has been received without a gap for a while";
+    Self::Link => "wait until the ECU is received without a gap";
     Self::NotStandby => "wait until the ECU reports standby";
     Self::Fault => "the ECU reports a fault: clear it first";
     Self::EgtUnknown => "the exhaust temperature is unknown: check the thermocouple";

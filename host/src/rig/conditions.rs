@@ -363,7 +363,7 @@ mod tests {
             (
                 Rejected::Start(Interlock::Link),
                 "link",
-                "wait until the ECU has been received without a gap for a while (1 s; no frame yet)"
+                "wait until the ECU is received without a gap (1 s; no frame yet)"
                     .to_owned(),
             ),
             (Rejected::Start(Interlock::PumpOpen), "fuel pump", Interlock::PumpOpen.to_string()),

@@ -182,7 +182,8 @@ impl Engine {
         if active_source.priority() <= origin.priority() {
             return false;
         }
-        let lost_at = self.sources.silent_from(active_source).unwrap_or(finding.since);
+        let lost_at =
+            self.sources.silent_from(active_source).map_or(finding.since, |from| from.max(self.started));
         let after = self.config.loss.hold + self.config.loss.lower_standby_after;
         let left = Duration::from_ticks(after.as_ticks().saturating_sub(finding.lost_for.as_ticks()));
         lost_at.checked_add(left).is_none_or(|at| now < at)

@@ -141,7 +141,8 @@ impl Engine {
         let commanded = || self.sources.all_silent_from(now).flatten();
         let known = self.sources.silent_from(finding.active_source).or_else(commanded);
         let lost_for = match known {
-            Some(at) => now.saturating_duration_since(at),
+            // One that has only been present has been silent since the node began.
+            Some(at) => now.saturating_duration_since(at.max(self.started)),
             // Silence before a reset is added until a source is received, beyond the longest source timeout.
             None => {
                 let silent = finding.lost_for + now.saturating_duration_since(finding.since);

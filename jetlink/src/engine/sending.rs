@@ -69,8 +69,8 @@ impl Engine {
                 // AMT-14: the demand that ends the start throttle is a lower one.
                 if let Mode::Run(run) = &mut self.mode {
                     let goes_out = matches!(sent, Order::Run(_));
-                    let (to, from) = start.map_or((demand, run.demand.sent), |start| (start, start));
-                    run.lowered.observe(now, to, goes_out, from);
+                    let from = start.unwrap_or(run.demand.sent);
+                    run.lowered.observe(now, start.unwrap_or(demand), goes_out, from);
                 }
                 self.note_order(if doubts { Order::Doubt(demand) } else { sent }, origin);
             }

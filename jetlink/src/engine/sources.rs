@@ -276,12 +276,12 @@ impl Sources {
 
     /// Time from which a source is silent.
     pub fn silent_from(&self, origin: Origin) -> Option<Instant> {
-        self.source(origin).and_then(|source| source.began_silence())
+        self.source(origin).map(|source| source.silent_from)
     }
 
-    /// Time since which all sources have been silent, if they are: `Some(None)` if none has ever commanded.
+    /// Time since which all sources have been silent, if they are: `Some(None)` if none was ever received.
     pub fn all_silent_from(&self, now: Instant) -> Option<Option<Instant>> {
-        let latest = self.each().filter_map(|source| source.began_silence()).max();
+        let latest = self.each().map(|source| source.silent_from).max();
         match latest {
             Some(latest) if latest > now => None,
             latest => Some(latest),
@@ -366,11 +366,6 @@ impl Sources {
 }
 
 impl Source {
-    /// Time from which it is silent; `None`: it has never commanded.
-    fn began_silence(&self) -> Option<Instant> {
-        Some(self.silent_from).filter(|from| *from > Instant::MIN)
-    }
-
     /// Time from which its next command follows a gap.
     fn lost_at(&self, timeout: Duration) -> Instant {
         match self.intent {

@@ -12,7 +12,7 @@ use crate::link::{
     Transmission, earlier,
 };
 use crate::report::{EcuState, NotSent, Phase, ReportedSwitch, Timed, bump};
-use crate::units::Hectopascals;
+use crate::units::{Hectopascals, Throttle};
 use embassy_time::{Duration, Instant};
 
 /// Interval between two frames of the ECU.
@@ -151,8 +151,9 @@ impl Link for ToyLink {
     fn take_observation(&mut self) -> Option<Observation> {
         self.observation.take()
     }
-    fn release(&mut self, released: bool) {
+    fn release(&mut self, released: bool) -> Option<Throttle> {
         self.gaps.bridge(released);
+        None
     }
 
     fn gap_at(&self) -> Option<Instant> {
