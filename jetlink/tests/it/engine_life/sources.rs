@@ -300,3 +300,31 @@ fn a_source_that_is_present_for_the_first_time_has_not_been_silent_before_the_st
         }
     }
 }
+
+/// A node without a record obeys a lower source's standby 6 s after its start, also where the highest source has only been present.
+#[test]
+fn a_highest_source_that_is_only_present_does_not_hasten_a_lower_standby() {
+    for ecu in BOTH {
+        for present in [false, true] {
+            let config = ecu.config();
+            let mut scenario = Scenario::after_reset(ecu, config, None);
+            scenario.silent().pass_us(600 * SECOND + FRAME_PERIOD_US / 2);
+            let mut machine = Engine::new(&config);
+            machine.restore(None);
+            let started = scenario.now_us();
+            machine.start(at_us(started));
+            *scenario.bench.machine = machine;
+            if present {
+                scenario.command_from(Command::Present, Origin::SOURCES[0]).unwrap();
+            }
+            let obeyed = loop {
+                scenario.pass_us(SECOND / 10);
+                let _ = scenario.command_from(Command::Standby, Origin::Bench);
+                if scenario.order() == Order::Standby {
+                    break scenario.now_us() - started;
+                }
+            };
+            assert!((6 * SECOND..=7 * SECOND).contains(&obeyed), "{ecu:?}, {present}: after {obeyed} us");
+        }
+    }
+}
