@@ -276,7 +276,7 @@ sentences!(Interlock {
     Self::NotStandby => "wait until the ECU reports standby";
     Self::Fault => "the ECU reports a fault: clear it first";
     Self::EgtUnknown => "the exhaust temperature is unknown: check the thermocouple";
-    Self::PumpOpen => "the fuel pump is open and is being closed: command standby again";
+    Self::PumpOpen => "the fuel pump is being closed: command standby again";
     Self::OtherStarting => "wait until another engine of the group has started";
 } {
     Self::TooHot(egt) => "the exhaust is at {} °C: let it cool in standby", Signed(i32::from(egt.tenths()) / 10);

@@ -26,7 +26,7 @@ impl Engine {
             Mode::Run(run) => {
                 let (living, doubted) = (self.lives(), run.life.in_doubt());
                 let by = Arbitration { sources: &self.sources, config: &self.config, living, doubted };
-                let take_over = run.taking_over.map(|(_, at)| at);
+                let take_over = run.waits().map(|wait| wait.latest);
                 [run.loss_deadline(&by), take_over, run.next, self.life_deadline(&run.life, run.start_by)]
                     .into_iter()
                     .flatten()

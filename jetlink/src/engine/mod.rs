@@ -263,7 +263,7 @@ impl Engine {
             active_source,
             source_last_rx: self.sources.last_rx(active_source),
             commanded: run.map(|run| run.demand.commanded),
-            waiting: run.and_then(|run| run.taking_over).map(|(origin, _)| origin),
+            waiting: run.and_then(|run| run.waits()).map(|wait| wait.origin),
             loss: run.map_or(ended, |run| run.stage),
             limited: run.is_some_and(|run| run.limited),
             in_doubt: match &self.mode {

@@ -137,7 +137,7 @@ impl Engine {
     /// restart the stages of loss. One that waits to take over is in control.
     fn silent(&self, run: &Run) -> Duration {
         let since = |at| self.at.saturating_duration_since(at);
-        if let Some(last) = run.taking_over.and_then(|(waits, _)| self.sources.last_commanded(waits)) {
+        if let Some(last) = run.waits().and_then(|wait| self.sources.last_commanded(wait.origin)) {
             return since(last);
         }
         if run.carried.silent.as_ticks() > 0 {

@@ -28,7 +28,7 @@ pub(super) struct Run {
     pub active_source: Origin,
     pub demand: Demands,
     /// Another source that waits to take over, and the end of its wait.
-    pub taking_over: Option<(Origin, Instant)>,
+    pub taking_over: Option<TakeOver>,
     /// The stream of commands with which the active source was last in control. Where it still comes, the source was not away.
     pub stream: Option<Instant>,
     /// Begin of the fail-safe stage, while no source is fresh.
@@ -93,6 +93,18 @@ pub(super) struct Carried {
     pub all_silent: Duration,
 }
 
+/// A take-over that waits until its demand is close to the one in force.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct TakeOver {
+    pub origin: Origin,
+    /// It waits no longer.
+    pub latest: Instant,
+    /// When it last waited.
+    last: Instant,
+    /// It waits now; otherwise its source is in a gap.
+    waits: bool,
+}
+
 /// Inputs of an arbitration.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Arbitration<'a> {
@@ -125,7 +137,7 @@ impl Run {
             }
             Some((origin, Intent::Run(demand))) => {
                 // It stayed in control or returned after a short gap, or before another source had taken over.
-                let away = self.fail_safe_at.is_some() || self.taking_over.is_some();
+                let away = self.fail_safe_at.is_some() || self.waits().is_some();
                 let stream = sources.stream(origin);
                 let stayed = !sources.was_lost(origin) || stream == self.stream;
                 if origin == self.active_source && (stayed || !away) {
@@ -133,19 +145,24 @@ impl Run {
                     if away {
                         self.shaper.rise();
                     }
-                    (self.taking_over, self.fail_safe_at) = (None, None);
+                    // A higher source that comes and goes continues to wait.
+                    self.taking_over.take_if(|wait| wait.origin.priority() < origin.priority());
+                    self.stop_waiting();
+                    self.fail_safe_at = None;
                     self.resumed_low = false;
                     self.carried.silent = Duration::from_ticks(0);
                     self.demand.commanded = demand;
                     self.stage(LossStage::None, events);
                     return None;
                 }
+                let within = config.takeover.within;
                 let latest = match self.taking_over {
-                    // One deadline for all: alternating sources must not hold a lost demand forever.
-                    Some((_, latest)) => latest,
-                    None => now + config.takeover.within,
+                    // One deadline for all, and over their gaps: sources that alternate, or come and go, must not hold a lost
+                    // demand forever.
+                    Some(wait) if now <= wait.last + within => wait.latest,
+                    _ => now + within,
                 };
-                self.taking_over = Some((origin, latest));
+                self.taking_over = Some(TakeOver { origin, latest, last: now, waits: true });
                 // A source that waits to take over is in control, and its silence from before a reset is over.
                 self.carried.silent = Duration::from_ticks(0);
                 // Consecutive resets would restart the wait each time.
@@ -162,7 +179,7 @@ impl Run {
             }
             // No source, or a lower one that streams standby: the stages of loss continue.
             lower => {
-                self.taking_over = None;
+                self.stop_waiting();
                 let fail_safe_at = self.lose(now, sources, config);
                 // Without a configured standby it takes the silence of all sources.
                 let silent = config.loss.standby_after.is_some() || sources.all_silent_from(now).is_some();
@@ -191,7 +208,18 @@ impl Run {
 
     /// The source in control: one that waits to take over, or the one whose demand is in force.
     pub fn in_control(&self) -> Origin {
-        self.taking_over.map_or(self.active_source, |(waits, _)| waits)
+        self.waits().map_or(self.active_source, |wait| wait.origin)
+    }
+
+    /// The source that waits to take over now.
+    pub fn waits(&self) -> Option<TakeOver> {
+        self.taking_over.filter(|wait| wait.waits)
+    }
+
+    fn stop_waiting(&mut self) {
+        if let Some(wait) = &mut self.taking_over {
+            wait.waits = false;
+        }
     }
 
     /// Silence of the source in control that is no loss yet. An engine that was found running without a source has lost it.
@@ -245,7 +273,7 @@ impl Run {
 
     /// Start of the next stage of loss.
     pub fn loss_deadline(&self, by: &Arbitration<'_>) -> Option<Instant> {
-        if self.taking_over.is_some() {
+        if self.waits().is_some() {
             // The stage does not change: the waiting source takes over or falls silent.
             return None;
         }
@@ -262,10 +290,10 @@ impl Run {
     }
 
     pub fn plan(&self) -> Plan {
-        if self.limited || (self.stage >= LossStage::FailSafe && self.taking_over.is_none()) {
-            let in_control = self.stage == LossStage::None && self.taking_over.is_none();
+        if self.limited || (self.stage >= LossStage::FailSafe && self.waits().is_none()) {
+            let in_control = self.stage == LossStage::None && self.waits().is_none();
             Plan::FailSafe { commanded: self.demand.commanded, in_control }
-        } else if self.taking_over.is_some() || self.stage == LossStage::Hold {
+        } else if self.waits().is_some() || self.stage == LossStage::Hold {
             // Even if the demand was not reached yet: no source commands more now.
             Plan::Hold(self.demand.commanded)
         } else {

@@ -328,3 +328,81 @@ fn a_highest_source_that_is_only_present_does_not_hasten_a_lower_standby() {
         }
     }
 }
+
+/// Commands in bursts of 1 s, with gaps that are a little longer than the timeout of their source, beside the commands of another one.
+fn bursts(
+    scenario: &mut Scenario,
+    (command, origin): (Command, Origin),
+    other: Option<(Command, Origin)>,
+    s: u64,
+) {
+    let end = scenario.now_us() + s * SECOND;
+    let (mut next, mut sent) = (0, 0);
+    while scenario.now_us() < end {
+        if scenario.now_us() >= next {
+            let _ = scenario.command_from(command, origin);
+            sent += 1;
+            let gap = if sent % 11 == 0 { SOURCE_TIMEOUT_US + 20_000 } else { COMMAND_PERIOD_US };
+            next = scenario.now_us() + gap;
+        }
+        if let Some((command, origin)) = other {
+            let _ = scenario.command_from(command, origin);
+        }
+        scenario.pass_us(20_000);
+    }
+}
+
+/// A source that waits to take over waits once, also over its own short gaps: otherwise each gap would begin the wait anew, which holds the
+/// demand of a source that is dead.
+#[test]
+fn a_wait_to_take_over_continues_over_short_gaps() {
+    for ecu in BOTH {
+        let dead = || {
+            let mut scenario = flying(ecu);
+            scenario.fly_us(run(90), Origin::Mavlink, 8 * SECOND);
+            scenario
+        };
+        let mut scenario = dead();
+        bursts(&mut scenario, (run(0), Origin::Rc), None, 5);
+        assert_eq!(scenario.tenths(), 0, "{ecu:?}");
+        // The same with "present" for 20 ms in place of each gap.
+        let mut scenario = dead();
+        for _ in 0..3 {
+            scenario.fly_us(run(0), Origin::Rc, 1_900_000);
+            scenario.fly_us(Command::Present, Origin::Rc, 20_000);
+        }
+        assert_eq!(scenario.tenths(), 0, "{ecu:?}");
+        // A higher source takes over from one that is received, too.
+        let mut scenario = dead();
+        bursts(&mut scenario, (run(60), Origin::Rc), Some((run(90), Origin::Mavlink)), 5);
+        assert_eq!(scenario.telemetry().active_source, Origin::Rc, "{ecu:?}");
+        // The control: one that has been away for longer than a wait begins another one.
+        let mut scenario = dead();
+        scenario.fly_us(run(0), Origin::Rc, SECOND);
+        scenario.fly_us(run(90), Origin::Mavlink, 5 * SECOND);
+        let began = scenario.now_us();
+        while scenario.tenths() == 900 {
+            let _ = scenario.command_from(run(90), Origin::Mavlink);
+            scenario.fly_us(run(0), Origin::Rc, COMMAND_PERIOD_US);
+        }
+        let waited = scenario.now_us() - began;
+        // It was lost: 1 s until it is steady, and the wait.
+        assert!((2_900_000..=3_200_000).contains(&waited), "{ecu:?}: {waited} us");
+    }
+}
+
+/// Neither a lower source's standby nor the stages of loss of the source before end the flight of one that commands run in bursts.
+#[test]
+fn a_source_with_short_gaps_is_not_shut_down_while_it_waits() {
+    for ecu in BOTH {
+        for (standby_after, other) in
+            [(None, Some((Command::Standby, Origin::Bench))), (Some(Duration::from_secs(10)), None)]
+        {
+            let config = ecu.with(|s| s.loss.standby_after = standby_after);
+            let mut scenario = Scenario::started_with(ecu, config, percent(50));
+            scenario.fly_us(run(90), Origin::Mavlink, 8 * SECOND);
+            bursts(&mut scenario, (run(60), Origin::Rc), other, 40);
+            assert!(matches!(scenario.order(), Order::Run(_)), "{ecu:?}: {}", scenario.order());
+        }
+    }
+}
