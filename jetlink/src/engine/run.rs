@@ -99,10 +99,8 @@ pub(super) struct TakeOver {
     pub origin: Origin,
     /// It waits no longer.
     pub latest: Instant,
-    /// When it last waited.
-    last: Instant,
-    /// It waits now; otherwise its source is in a gap.
-    waits: bool,
+    /// Since when its source has been in a gap; `None`: it waits now.
+    gap: Option<Instant>,
 }
 
 /// Inputs of an arbitration.
@@ -147,7 +145,7 @@ impl Run {
                     }
                     // A higher source that comes and goes continues to wait.
                     self.taking_over.take_if(|wait| wait.origin.priority() < origin.priority());
-                    self.stop_waiting();
+                    self.stop_waiting(now);
                     self.fail_safe_at = None;
                     self.resumed_low = false;
                     self.carried.silent = Duration::from_ticks(0);
@@ -159,10 +157,12 @@ impl Run {
                 let latest = match self.taking_over {
                     // One deadline for all, and over their gaps: sources that alternate, or come and go, must not hold a lost
                     // demand forever.
-                    Some(wait) if now <= wait.last + within => wait.latest,
+                    Some(TakeOver { latest, gap, .. }) if gap.is_none_or(|since| now <= since + within) => {
+                        latest
+                    }
                     _ => now + within,
                 };
-                self.taking_over = Some(TakeOver { origin, latest, last: now, waits: true });
+                self.taking_over = Some(TakeOver { origin, latest, gap: None });
                 // A source that waits to take over is in control, and its silence from before a reset is over.
                 self.carried.silent = Duration::from_ticks(0);
                 // Consecutive resets would restart the wait each time.
@@ -179,7 +179,7 @@ impl Run {
             }
             // No source, or a lower one that streams standby: the stages of loss continue.
             lower => {
-                self.stop_waiting();
+                self.stop_waiting(now);
                 let fail_safe_at = self.lose(now, sources, config);
                 // Without a configured standby it takes the silence of all sources.
                 let silent = config.loss.standby_after.is_some() || sources.all_silent_from(now).is_some();
@@ -213,12 +213,12 @@ impl Run {
 
     /// The source that waits to take over now.
     pub fn waits(&self) -> Option<TakeOver> {
-        self.taking_over.filter(|wait| wait.waits)
+        self.taking_over.filter(|wait| wait.gap.is_none())
     }
 
-    fn stop_waiting(&mut self) {
+    fn stop_waiting(&mut self, now: Instant) {
         if let Some(wait) = &mut self.taking_over {
-            wait.waits = false;
+            wait.gap.get_or_insert(now);
         }
     }
 
