@@ -576,6 +576,8 @@ pub struct History {
     pub forged: Vec<u64>,
     /// When a frame arrived that no ECU sent, and that reports a shaft at rest.
     pub slow: Vec<u64>,
+    /// When a frame arrived that no ECU sent, and that may report an engine that does not live.
+    pub unfit: Vec<u64>,
     /// When two consecutive frames arrived that no ECU sent, and that report a shaft at rest.
     pub jumps: Vec<u64>,
     /// The ECU reports a supply below every limit.
@@ -639,6 +641,7 @@ impl History {
             framing: Spans::default(),
             forged: Vec::new(),
             slow: Vec::new(),
+            unfit: Vec::new(),
             jumps: Vec::new(),
             low_supply: Spans::default(),
             shares: Vec::new(),

@@ -22,6 +22,9 @@ const STARTS: &str = "seconds without two reports of a running engine (not judge
 const RESETS: &str = "seconds of doubt after a reset, and of the rise after it (not judged)";
 /// The same for a gap of three expected frames, and for damaged frames at the expected times after 10 s.
 const GAPS: &str = "seconds of doubt in a gap, and of the rise after it (not judged)";
+/// "One report that does not fit a living engine puts the life in doubt, already in the reply to that very frame."
+const REPORTS: &str =
+    "seconds of doubt after a report that does not fit, and of the rise after it (not judged)";
 /// "Transmitters", and "Demands move": nothing leaves one that hangs, and then the demand rises from the one that was sent.
 const HANGS: &str = "seconds of a transmitter that hangs, and of the rise after it (not judged)";
 /// "AMT with error sets only": the exhaust is the evidence, until a fall is seen; then only sets that say running get run.
@@ -68,11 +71,14 @@ impl Case<'_> {
         // Three expected frames are missing where none is sent, or where no byte of them is whole.
         let silent = self.blind.at_least(three_frames).union(&without_beat(&h.ruined));
         let gaps = silent.union(&Spans::from(&too_long));
+        let unfit: Vec<_> = h.unfit.iter().map(|at| (*at, at + MS)).collect();
         let pause = |name, spans| Pause { name, spans };
         vec![
             // "A gap of three expected frames, a reset of the node puts the life in doubt; two agreeing reports confirm or end it."
             pause(RESETS, self.down.longer(h.rules.listen + two_states)),
             pause(GAPS, gaps.longer(two_states)),
+            // "Two agreeing reports confirm" it, which another one that does not fit interrupts.
+            pause(REPORTS, Spans::from(&unfit).longer(two_states)),
             // What waits in a transmitter that hangs does not reach the ECU.
             pause(HANGS, self.stalled()),
             // "The exhaust is the evidence", until a fall is seen, and "the reply to the first normal sets is not run unless they say running".
@@ -214,6 +220,8 @@ impl Case<'_> {
             if why.is_some() && (!pauses || lost.contains(at)) {
                 (since, control, resumed, established) = (None, None, None, false);
             } else {
+                // Another source has yet to take over.
+                established &= since.is_some_and(|(_, before, _)| before == source);
                 control = Some(control.filter(|(_, before)| *before == source).unwrap_or((at, source)));
                 since = Some(match since {
                     Some((from, before, requested))
@@ -227,7 +235,6 @@ impl Case<'_> {
                     }
                     _ => (at, source, demanded),
                 });
-                established &= since.is_some_and(|(_, before, _)| before == source);
             }
             if let Some(why) = why {
                 *left.entry(why).or_default() += elapsed;
