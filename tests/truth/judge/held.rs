@@ -1,11 +1,11 @@
 //! A demand is not held below what is commanded, nor above it.
 //!
 //! Each instant at which an engine runs and a source in control commands run is judged, or counted under one of the names below. The
-//! rules prescribe what is sent in those of [`STARTS`] to [`OLD`], so that they are no exemption; [`NOISE`] is one, with its share.
+//! rules prescribe what is sent in those of [`STARTS`] to [`OLD`], so that they are no exemption; [`NOISE`] and [`SPEEDS`] are, with their shares.
 
 use super::case::{Case, Rule, seconds};
 use super::healthy::FALLS;
-use super::prompt::KEEPS_THE_BEAT;
+use super::prompt::{KEEPS_THE_BEAT, SPEED_IS_OLD};
 use crate::history::{Cause, Demanded, MS, PilotCommand, SECOND, Sample, Spans, Switch};
 use std::collections::BTreeMap;
 
@@ -38,6 +38,9 @@ const WAITS: &str = "seconds of a take-over, and of the rise after it (not judge
 const OLD: &str = "seconds of an rpm that the ECU's version does not know (not judged)";
 /// Exemption: frames are lost at random, so that only the node knows whether it has a gap.
 const NOISE: &str = "HeldDown: noise, and the rise after it";
+
+/// Exemption: `governor.max_age`. A governor gives idle where no speed has come for that long, as `prompt.rs` demands.
+const SPEEDS: &str = "HeldDown: a governor without a speed";
 
 /// A time in which the demand may be low although its source stays in control.
 struct Pause {
@@ -112,6 +115,16 @@ impl Case<'_> {
         unclear.longer(self.two_states())
     }
 
+    /// The times in which a governor may have no speed, and those until two reports have come: its time begins after them.
+    fn without_speeds(&self) -> Spans {
+        let h = self.h;
+        let damaged = h.garbled.union(&h.framing).union(&self.blind);
+        let errors = if self.traits().faults_hide_state { self.faults.clone() } else { Spans::default() };
+        // The last speed comes a report before, and the next one a report after, or two beside an alternate set.
+        let least = SPEED_IS_OLD - 3 * h.rules.period.min(SPEED_IS_OLD / 3);
+        damaged.union(&errors).at_least(least).longer(self.two_states())
+    }
+
     /// Whether the last gap of this source was a short one, in a steady stream of a source that was in control: it continues
     /// without a take-over.
     fn came_back(&self, source: usize, at: u64, most: u64) -> bool {
@@ -169,14 +182,14 @@ impl Case<'_> {
         let rise = rules.rise.min(rules.slew_up.unwrap_or(rules.rise)).max(1);
         let quick = 1000 * SECOND / u64::from(rise) + 700 * MS;
         let most = rules.takeover + rules.recover_after + quick + 1300 * MS;
-        let (pauses, lost) = (self.pauses(), self.loses_source());
+        let (pauses, lost, without_speeds) = (self.pauses(), self.loses_source(), self.without_speeds());
         let mut since: Option<(u64, usize, Demanded)> = None;
         // Since when the same source has been in control, with nothing in the way.
         let mut control: Option<(u64, usize)> = None;
         let mut resumed: Option<Resumed> = None;
         let mut established = false;
         let mut left: BTreeMap<&'static str, u64> = BTreeMap::new();
-        let (mut reported, mut judged, mut limited) = (0, 0, 0);
+        let (mut reported, mut judged, mut limited, mut speeds) = (0, 0, 0, 0);
         let mut frame = 0;
         let (mut low_since, mut high_since) = (None, None);
         // No demand takes longer to fall.
@@ -308,6 +321,11 @@ impl Case<'_> {
                 limited += elapsed;
                 continue;
             }
+            if governed && without_speeds.contains(at) {
+                speeds += elapsed;
+                low_since = None;
+                continue;
+            }
             judged += elapsed;
             let low = match sent {
                 Some((when, Demanded::Throttle(tenths))) if governed && fresh(when) => {
@@ -334,6 +352,9 @@ impl Case<'_> {
         }
         if let Some(time) = left.remove(NOISE) {
             self.verdict.exempt(NOISE, time);
+        }
+        if speeds > 0 {
+            self.verdict.exempt(SPEEDS, speeds);
         }
         for (name, time) in left {
             self.verdict.count(name, time / SECOND);

@@ -194,3 +194,47 @@ fn a_governor_does_not_hold_the_shaft_below_its_speed() {
     assert!(!story(115_000.0, 1000).finds(RULE));
     assert!(!story(100_000.0, 510).finds(RULE));
 }
+
+/// 905000626, 905001007: a governor gives idle without a speed, and has 8 s for its shaft from the next ones on.
+#[test]
+fn a_governor_without_speeds_has_its_time_after_them() {
+    let story = |kind: Kind, until: f64, change: &dyn Fn(&mut History)| {
+        flight(kind, 31.1)
+            .streams(PILOT, 31.1, 70.0, PilotCommand::Run(Demanded::Rpm(120_000)))
+            .wire(31.1, 70.0, HALF)
+            .turbine(31.1, 45.0, Phase::Running, 115_000.0, 500.0)
+            .turbine(45.0, until, Phase::Running, 100_000.0, 500.0)
+            .turbine(until, 70.0, Phase::Running, 115_000.0, 500.0)
+            .with(|h| h.rules.governor = true)
+            .with(change)
+            .finds(RULE)
+    };
+    let excused_until = |kind: Kind, excused: f64, change: &dyn Fn(&mut History)| {
+        assert!(!story(kind, excused, change), "low until {excused} s");
+        assert!(story(kind, excused + 1.5, change), "low for 1.5 s longer");
+    };
+    let framing = |ms: u64| {
+        move |h: &mut History| {
+            h.framing = Spans::from(&[(45 * SECOND, 45 * SECOND + ms * MS)]);
+            h.noise = h.framing.clone();
+        }
+    };
+    let errors = |ms: u64| {
+        move |h: &mut History| {
+            let sets = h
+                .samples
+                .iter_mut()
+                .filter(|sample| (45 * SECOND..45 * SECOND + ms * MS).contains(&sample.at));
+            sets.for_each(|sample| sample.fault = true);
+        }
+    };
+    excused_until(Kind::Zk(3), 52.9, &|_| {});
+    // 1.3 s until two reports have come, 0.8 s on AMT.
+    excused_until(Kind::Zk(3), 56.2, &framing(2000));
+    excused_until(AMT, 54.7, &errors(1000));
+    // Too short for a speed to become old.
+    excused_until(Kind::Zk(3), 52.9, &framing(400));
+    excused_until(AMT, 52.9, &errors(200));
+    // It excuses nothing where the ECU holds a throttle.
+    assert!(low_until(Kind::Zk(3), 47.0).with(framing(2000)).finds(RULE));
+}
