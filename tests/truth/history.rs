@@ -572,11 +572,9 @@ pub struct History {
     pub ruined: Spans,
     /// Some are, by framing errors that leave their number as it is.
     pub framing: Spans,
-    /// When a frame arrived that no ECU sent.
+    /// When a frame arrived that no ECU sent; one that reports a shaft at rest; and one that may report an engine that does not live.
     pub forged: Vec<u64>,
-    /// When a frame arrived that no ECU sent, and that reports a shaft at rest.
     pub slow: Vec<u64>,
-    /// When a frame arrived that no ECU sent, and that may report an engine that does not live.
     pub unfit: Vec<u64>,
     /// When two consecutive frames arrived that no ECU sent, and that report a shaft at rest.
     pub jumps: Vec<u64>,
@@ -665,8 +663,7 @@ impl History {
         }
     }
 
-    /// The largest share to which a demand had to be reduced for another engine in an interval, per mille;
-    /// `None`: no reduction.
+    /// The largest share to which a demand had to be reduced for another engine in an interval, per mille; `None`: no reduction.
     pub fn largest_share(&self, from_us: u64, to_us: u64) -> Option<u32> {
         let first = self.rules.when_other_fails?;
         let later = self.shares.iter().enumerate().filter(|(index, (at, _))| {
