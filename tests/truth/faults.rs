@@ -459,6 +459,9 @@ pub fn write_down(history: &mut History, fault: Fault, from_us: u64, to_us: u64)
                 }
                 history.slow.push(from_us);
             }
+            if !matches!(fault, Fault::OddFrame(Odd::HotExhaust | Odd::LaterVersion)) {
+                history.unfit.push(from_us);
+            }
             history.forged.push(from_us);
         }
         Fault::Babble => {

@@ -572,10 +572,10 @@ pub struct History {
     pub ruined: Spans,
     /// Some are, by framing errors that leave their number as it is.
     pub framing: Spans,
-    /// When a frame arrived that no ECU sent.
+    /// When a frame arrived that no ECU sent; one that reports a shaft at rest; and one that may report an engine that does not live.
     pub forged: Vec<u64>,
-    /// When a frame arrived that no ECU sent, and that reports a shaft at rest.
     pub slow: Vec<u64>,
+    pub unfit: Vec<u64>,
     /// When two consecutive frames arrived that no ECU sent, and that report a shaft at rest.
     pub jumps: Vec<u64>,
     /// The ECU reports a supply below every limit.
@@ -639,6 +639,7 @@ impl History {
             framing: Spans::default(),
             forged: Vec::new(),
             slow: Vec::new(),
+            unfit: Vec::new(),
             jumps: Vec::new(),
             low_supply: Spans::default(),
             shares: Vec::new(),
@@ -662,8 +663,7 @@ impl History {
         }
     }
 
-    /// The largest share to which a demand had to be reduced for another engine in an interval, per mille;
-    /// `None`: no reduction.
+    /// The largest share to which a demand had to be reduced for another engine in an interval, per mille; `None`: no reduction.
     pub fn largest_share(&self, from_us: u64, to_us: u64) -> Option<u32> {
         let first = self.rules.when_other_fails?;
         let later = self.shares.iter().enumerate().filter(|(index, (at, _))| {

@@ -1,11 +1,11 @@
 //! A demand is not held below what is commanded, nor above it.
 //!
 //! Each instant at which an engine runs and a source in control commands run is judged, or counted under one of the names below. The
-//! rules prescribe what is sent in those of [`STARTS`] to [`OLD`], so that they are no exemption; [`NOISE`] is one, with its share.
+//! rules prescribe what is sent in those of [`STARTS`] to [`OLD`], so that they are no exemption; [`NOISE`] and [`SPEEDS`] are, with their shares.
 
 use super::case::{Case, Rule, seconds};
 use super::healthy::FALLS;
-use super::prompt::KEEPS_THE_BEAT;
+use super::prompt::{KEEPS_THE_BEAT, SPEED_IS_OLD};
 use crate::history::{Cause, Demanded, MS, PilotCommand, SECOND, Sample, Spans, Switch};
 use std::collections::BTreeMap;
 
@@ -22,6 +22,9 @@ const STARTS: &str = "seconds without two reports of a running engine (not judge
 const RESETS: &str = "seconds of doubt after a reset, and of the rise after it (not judged)";
 /// The same for a gap of three expected frames, and for damaged frames at the expected times after 10 s.
 const GAPS: &str = "seconds of doubt in a gap, and of the rise after it (not judged)";
+/// "One report that does not fit a living engine puts the life in doubt, already in the reply to that very frame."
+const REPORTS: &str =
+    "seconds of doubt after a report that does not fit, and of the rise after it (not judged)";
 /// "Transmitters", and "Demands move": nothing leaves one that hangs, and then the demand rises from the one that was sent.
 const HANGS: &str = "seconds of a transmitter that hangs, and of the rise after it (not judged)";
 /// "AMT with error sets only": the exhaust is the evidence, until a fall is seen; then only sets that say running get run.
@@ -35,6 +38,9 @@ const WAITS: &str = "seconds of a take-over, and of the rise after it (not judge
 const OLD: &str = "seconds of an rpm that the ECU's version does not know (not judged)";
 /// Exemption: frames are lost at random, so that only the node knows whether it has a gap.
 const NOISE: &str = "HeldDown: noise, and the rise after it";
+
+/// Exemption: `governor.max_age`. A governor gives idle where no speed has come for that long, as `prompt.rs` demands.
+const SPEEDS: &str = "HeldDown: a governor without a speed";
 
 /// A time in which the demand may be low although its source stays in control.
 struct Pause {
@@ -68,11 +74,14 @@ impl Case<'_> {
         // Three expected frames are missing where none is sent, or where no byte of them is whole.
         let silent = self.blind.at_least(three_frames).union(&without_beat(&h.ruined));
         let gaps = silent.union(&Spans::from(&too_long));
+        let unfit: Vec<_> = h.unfit.iter().map(|at| (*at, at + MS)).collect();
         let pause = |name, spans| Pause { name, spans };
         vec![
             // "A gap of three expected frames, a reset of the node puts the life in doubt; two agreeing reports confirm or end it."
             pause(RESETS, self.down.longer(h.rules.listen + two_states)),
             pause(GAPS, gaps.longer(two_states)),
+            // "Two agreeing reports confirm" it, which another one that does not fit interrupts.
+            pause(REPORTS, Spans::from(&unfit).longer(two_states)),
             // What waits in a transmitter that hangs does not reach the ECU.
             pause(HANGS, self.stalled()),
             // "The exhaust is the evidence", until a fall is seen, and "the reply to the first normal sets is not run unless they say running".
@@ -104,6 +113,16 @@ impl Case<'_> {
             h.samples(to, at).iter().all(|sample| sample.hidden)
         });
         unclear.longer(self.two_states())
+    }
+
+    /// The times in which a governor may have no speed, and those until two reports have come: its time begins after them.
+    fn without_speeds(&self) -> Spans {
+        let h = self.h;
+        let damaged = h.garbled.union(&h.framing).union(&self.blind);
+        let errors = if self.traits().faults_hide_state { self.faults.clone() } else { Spans::default() };
+        // The last speed comes a report before, and the next one a report after, or two beside an alternate set.
+        let least = SPEED_IS_OLD - 3 * h.rules.period.min(SPEED_IS_OLD / 3);
+        damaged.union(&errors).at_least(least).longer(self.two_states())
     }
 
     /// Whether the last gap of this source was a short one, in a steady stream of a source that was in control: it continues
@@ -163,14 +182,14 @@ impl Case<'_> {
         let rise = rules.rise.min(rules.slew_up.unwrap_or(rules.rise)).max(1);
         let quick = 1000 * SECOND / u64::from(rise) + 700 * MS;
         let most = rules.takeover + rules.recover_after + quick + 1300 * MS;
-        let (pauses, lost) = (self.pauses(), self.loses_source());
+        let (pauses, lost, without_speeds) = (self.pauses(), self.loses_source(), self.without_speeds());
         let mut since: Option<(u64, usize, Demanded)> = None;
         // Since when the same source has been in control, with nothing in the way.
         let mut control: Option<(u64, usize)> = None;
         let mut resumed: Option<Resumed> = None;
         let mut established = false;
         let mut left: BTreeMap<&'static str, u64> = BTreeMap::new();
-        let (mut reported, mut judged, mut limited) = (0, 0, 0);
+        let (mut reported, mut judged, mut limited, mut speeds) = (0, 0, 0, 0);
         let mut frame = 0;
         let (mut low_since, mut high_since) = (None, None);
         // No demand takes longer to fall.
@@ -214,6 +233,8 @@ impl Case<'_> {
             if why.is_some() && (!pauses || lost.contains(at)) {
                 (since, control, resumed, established) = (None, None, None, false);
             } else {
+                // Another source has yet to take over.
+                established &= since.is_some_and(|(_, before, _)| before == source);
                 control = Some(control.filter(|(_, before)| *before == source).unwrap_or((at, source)));
                 since = Some(match since {
                     Some((from, before, requested))
@@ -227,7 +248,6 @@ impl Case<'_> {
                     }
                     _ => (at, source, demanded),
                 });
-                established &= since.is_some_and(|(_, before, _)| before == source);
             }
             if let Some(why) = why {
                 *left.entry(why).or_default() += elapsed;
@@ -301,6 +321,11 @@ impl Case<'_> {
                 limited += elapsed;
                 continue;
             }
+            if governed && without_speeds.contains(at) {
+                speeds += elapsed;
+                low_since = None;
+                continue;
+            }
             judged += elapsed;
             let low = match sent {
                 Some((when, Demanded::Throttle(tenths))) if governed && fresh(when) => {
@@ -327,6 +352,9 @@ impl Case<'_> {
         }
         if let Some(time) = left.remove(NOISE) {
             self.verdict.exempt(NOISE, time);
+        }
+        if speeds > 0 {
+            self.verdict.exempt(SPEEDS, speeds);
         }
         for (name, time) in left {
             self.verdict.count(name, time / SECOND);

@@ -14,7 +14,7 @@ const REOPENS_WITHIN: u64 = 500 * MS;
 /// Time for which damaged frames at the expected times are not a gap, in flight.
 pub(super) const KEEPS_THE_BEAT: u64 = 10 * SECOND;
 /// Default of `governor.max_age`.
-const SPEED_IS_OLD: u64 = 600 * MS;
+pub(super) const SPEED_IS_OLD: u64 = 600 * MS;
 /// Well within the band for a take-over, 5 %; and well away from what is in force, 0.1 %.
 const CLOSE: core::ops::Range<u32> = 15..40;
 

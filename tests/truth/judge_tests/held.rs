@@ -61,6 +61,43 @@ fn a_gap_excuses_its_doubt_and_the_rise_after_it() {
     excused_until(ZK5, 45.9, mute(90));
 }
 
+/// 905001026: after a reset the source that was in control has its demand again at once. Another one, which commands for the first time
+/// in the doubt after it, takes over first.
+#[test]
+fn a_source_that_takes_over_after_a_reset_has_its_time() {
+    let full = PilotCommand::Run(Demanded::Throttle(900));
+    let story = |from: f64, until: f64| {
+        flight(ZK5, 45.0)
+            .streams(PILOT, 45.0, 70.0, PilotCommand::Run(Demanded::Throttle(500)))
+            .streams(0, from, 70.0, full)
+            .wire(45.0, until, HALF)
+            .wire(until, 70.0, Sent::Full(Switch::Run, 900))
+            .turbine(45.0, 70.0, Phase::Running, 80_000.0, 500.0)
+            .with(resets(Cause::Watchdog))
+    };
+    // 7 s for it and the rise, after the first second of its stream.
+    assert!(!story(46.0, 53.9).finds(RULE));
+    assert!(story(46.0, 55.4).finds(RULE));
+}
+
+/// 905000637, 905000829, 906000299, 906000317: reports of an engine at rest that no ECU sent, with true ones between them.
+#[test]
+fn a_report_that_does_not_fit_excuses_its_doubt_and_the_rise_after_it() {
+    let forged = |fits: bool, count: u64| {
+        move |h: &mut History| {
+            h.forged = (0..count).map(|report| 45 * SECOND + report * 500 * MS).collect();
+            h.noise = Spans::from(&h.forged.iter().map(|at| (*at, at + MS)).collect::<Vec<_>>());
+            h.unfit = if fits { Vec::new() } else { h.forged.clone() };
+        }
+    };
+    // Two reports after the last one confirm the engine: 1.3 s on ZK, 0.8 s on AMT.
+    excused_until(ZK5, 48.4, forged(false, 1));
+    excused_until(ZK5, 49.9, forged(false, 4));
+    excused_until(AMT, 48.4, forged(false, 2));
+    // What fits, and is wrong otherwise, is no doubt.
+    excused_until(ZK5, 45.9, forged(true, 4));
+}
+
 #[test]
 fn a_transmitter_that_hangs_excuses_the_rise_after_it() {
     let hangs = |h: &mut History| {
@@ -156,4 +193,48 @@ fn a_governor_does_not_hold_the_shaft_below_its_speed() {
     assert!(story(100_000.0, 1000).finds(RULE));
     assert!(!story(115_000.0, 1000).finds(RULE));
     assert!(!story(100_000.0, 510).finds(RULE));
+}
+
+/// 905000626, 905001007: a governor gives idle without a speed, and has 8 s for its shaft from the next ones on.
+#[test]
+fn a_governor_without_speeds_has_its_time_after_them() {
+    let story = |kind: Kind, until: f64, change: &dyn Fn(&mut History)| {
+        flight(kind, 31.1)
+            .streams(PILOT, 31.1, 70.0, PilotCommand::Run(Demanded::Rpm(120_000)))
+            .wire(31.1, 70.0, HALF)
+            .turbine(31.1, 45.0, Phase::Running, 115_000.0, 500.0)
+            .turbine(45.0, until, Phase::Running, 100_000.0, 500.0)
+            .turbine(until, 70.0, Phase::Running, 115_000.0, 500.0)
+            .with(|h| h.rules.governor = true)
+            .with(change)
+            .finds(RULE)
+    };
+    let excused_until = |kind: Kind, excused: f64, change: &dyn Fn(&mut History)| {
+        assert!(!story(kind, excused, change), "low until {excused} s");
+        assert!(story(kind, excused + 1.5, change), "low for 1.5 s longer");
+    };
+    let framing = |ms: u64| {
+        move |h: &mut History| {
+            h.framing = Spans::from(&[(45 * SECOND, 45 * SECOND + ms * MS)]);
+            h.noise = h.framing.clone();
+        }
+    };
+    let errors = |ms: u64| {
+        move |h: &mut History| {
+            let sets = h
+                .samples
+                .iter_mut()
+                .filter(|sample| (45 * SECOND..45 * SECOND + ms * MS).contains(&sample.at));
+            sets.for_each(|sample| sample.fault = true);
+        }
+    };
+    excused_until(Kind::Zk(3), 52.9, &|_| {});
+    // 1.3 s until two reports have come, 0.8 s on AMT.
+    excused_until(Kind::Zk(3), 56.2, &framing(2000));
+    excused_until(AMT, 54.7, &errors(1000));
+    // Too short for a speed to become old.
+    excused_until(Kind::Zk(3), 52.9, &framing(400));
+    excused_until(AMT, 52.9, &errors(200));
+    // It excuses nothing where the ECU holds a throttle.
+    assert!(low_until(Kind::Zk(3), 47.0).with(framing(2000)).finds(RULE));
 }
