@@ -156,19 +156,13 @@ impl Engine {
             return Order::Standby;
         }
         // After a loss or a violated limit the reduced demand is retained: a reset must not restore the full one. The same
-        // holds for a demand that was not reached yet because of the start, a slew or a take-over: a reset must not jump to it.
-        let behind = match (run.demand.shaped, run.demand.commanded) {
-            (Demand::Throttle(_), Demand::Throttle(_)) | (Demand::Rpm(_), Demand::Rpm(_)) => {
-                run.demand.shaped.is_below(run.demand.commanded)
-            }
-            // The governor turns an rpm into a throttle. Otherwise the commanded demand is of the other kind and not in force.
-            _ => {
-                run.own_speed_control
-                    || self.config.governor.is_none()
-                    || matches!(run.demand.shaped, Demand::Rpm(_))
-            }
-        };
-        let shaped = run.stage != LossStage::None || run.limited || behind;
+        // holds for a demand that was not reached yet because of the start, a slew or a take-over: a reset must not jump to it,
+        // up or down. But the governor turns an rpm into a throttle.
+        let governed =
+            matches!((run.demand.shaped, run.demand.commanded), (Demand::Throttle(_), Demand::Rpm(_)))
+                && !run.own_speed_control
+                && self.config.governor.is_some();
+        let shaped = run.stage != LossStage::None || run.limited || !governed;
         let demand = if shaped { run.demand.shaped } else { run.demand.commanded };
         // What was not sent yet has to be commanded again: after a reset a demand rises and does not jump.
         Order::Run(if run.demand.sent.is_below(demand) { run.demand.sent } else { demand })

@@ -3,7 +3,6 @@
 use super::data::{Beginning, Engine, Mode, RESETS_TO_FAIL_SAFE};
 use super::life::{Finding, Life};
 use super::origins::Origins;
-use super::retained::RetainedState;
 use super::run::{Carried, Demands, Run};
 use super::shaper::{Lowered, Shaper};
 use crate::command::{Demand, Order, Origin};
@@ -105,11 +104,7 @@ impl Engine {
             stage,
             carried: Carried { source, started, silent, all_silent },
             resumed: matches!(beginning, Beginning::Reset(_)),
-            own_speed_control: self.link.may_hold_rpm()
-                && matches!(
-                    beginning,
-                    Beginning::Reset(RetainedState { order: Order::Run(Demand::Rpm(_)), .. })
-                ),
+            own_speed_control: self.link.may_hold_rpm(),
             resumed_low,
             limited,
             shaper: Shaper::new(now, demand),

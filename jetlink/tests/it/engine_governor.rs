@@ -398,16 +398,17 @@ fn the_governor_holds_the_reported_throttle_until_a_speed_can_be_known() {
 
 /// A governed ZK engine of RC's that runs at 80 000 rpm, right after a reset. `by_id6`: its switch may have been given by ID 6.
 fn governed_zk_after_reset(by_id6: bool) -> Scenario {
-    governed_zk_after_reset_of(rpm(80_000), by_id6)
+    governed_zk_after_reset_of(rpm(80_000), by_id6.then_some(0))
 }
 
-/// The same with this demand.
-fn governed_zk_after_reset_of(demand: Demand, by_id6: bool) -> Scenario {
+/// The same with this demand. `rpm_x`: its switch was given by ID 6, with this RPM_X.
+fn governed_zk_after_reset_of(demand: Demand, rpm_x: Option<u8>) -> Scenario {
     let mut governor = Governor::DEFAULT;
     governor.max_rpm = Rpm::new(160_000);
     let config = Ecu::Zk.with(|s| s.governor = Some(governor));
     let retained = RetainedState::new(Order::Run(demand), Origin::Rc);
-    let retained = retained.with(|state| (state.armed, state.link) = (true, LinkRecord::new(by_id6.into())));
+    let link = LinkRecord::new(rpm_x.map_or(0, |rpm_x| rpm_x << 1 | 1));
+    let retained = retained.with(|state| (state.armed, state.link) = (true, link));
     let mut scenario = Scenario::after_reset(Ecu::Zk, config, Some(retained));
     scenario.values.rpm = Some(80_000);
     scenario
@@ -452,13 +453,13 @@ fn the_governor_waits_for_the_reported_throttle() {
 /// before its version is (849001094).
 #[test]
 fn the_governor_resumes_at_the_reported_throttle_although_the_version_follows_later() {
-    // The switch was given by ID 6, so that the ECU may hold the speed itself until its version is known.
-    let mut scenario = governed_zk_after_reset(true);
+    // RPM_X was given, so that the ECU may hold the speed itself until its version is known.
+    let mut scenario = governed_zk_after_reset_of(rpm(80_000), Some(4));
     scenario.reports = Some(Reports::Running);
     report_60_percent(&mut scenario);
     scenario.fly_us(target(80_000), Origin::Rc, 150_000);
     assert!(scenario.telemetry().in_doubt.is_none());
-    assert_eq!(scenario.sent(), []);
+    assert!(!scenario.sent().iter().any(|wire| matches!(wire, Wire::Run(_))));
     scenario.introduce_version(3);
     scenario.fly_us(target(80_000), Origin::Rc, SECOND);
     let sent = throttles(&scenario.sent());
@@ -639,18 +640,18 @@ fn an_rpm_above_the_governors_maximum_is_clamped() {
     }
 }
 
-/// The switch may have been given by ID 6, but the order was a throttle: it is no rpm of the ECU's own control, and one that is
-/// commanded before the version is known is the governor's.
+/// The switch may have been given by ID 6, but only with an RPM_X does the ECU hold an rpm itself, whatever the order was: without it, one that
+/// is commanded before the version is known is the governor's.
 #[test]
-fn zk_9_after_a_reset_with_a_throttle_an_rpm_is_the_governors() {
-    for (retained, governed) in [(percent(60), true), (rpm(80_000), false)] {
-        let mut scenario = governed_zk_after_reset_of(retained, true);
+fn zk_9_after_a_reset_an_rpm_is_the_governors_where_no_rpm_x_was_given() {
+    for (retained, rpm_x) in [(percent(60), 0), (percent(60), 4), (rpm(80_000), 0), (rpm(80_000), 4)] {
+        let mut scenario = governed_zk_after_reset_of(retained, Some(rpm_x));
         scenario.reports = Some(Reports::Running);
         report_60_percent(&mut scenario);
         scenario.fly_us(target(80_000), Origin::Rc, SECOND);
         assert!(scenario.telemetry().in_doubt.is_none());
         let is_throttle = matches!(scenario.order(), Order::Run(Demand::Throttle(_)));
-        assert_eq!(is_throttle, governed, "{retained:?}: {}", scenario.order());
+        assert_eq!(is_throttle, rpm_x == 0, "{retained:?}, {rpm_x}: {}", scenario.order());
     }
 }
 

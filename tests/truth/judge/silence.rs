@@ -231,6 +231,9 @@ impl Case<'_> {
             return;
         }
         self.verdict.count("late doubts", 1);
+        // An ECU without power put its engine out, and reports that once it is powered up.
+        let powered = h.unpowered.iter().map(|(_, to)| to).find(|to| (at..until).contains(to));
+        let until = powered.unwrap_or(until);
         if let Some(frame) = h.frames_within(at, until).iter().find(|frame| frame.sent.ends_a_run()) {
             let text =
                 format!("{} at once, and the engine is in doubt since {} only", frame.sent, seconds(at));

@@ -524,6 +524,26 @@ fn a_late_doubt_has_time_to_be_confirmed() {
     assert!(!at_once(configured));
 }
 
+/// An ECU whose power is back within those 2 s reports that its engine is out, and gets standby then, not before (905000991).
+#[test]
+fn a_late_doubt_ends_with_the_power_of_the_ecu() {
+    let story = |standby: f64, powered: f64, cut: bool| {
+        let story = flight(AMT, 40.0)
+            .wire(40.0, 60.0, IDLE)
+            .turbine(40.0, 60.05, Phase::Running, 55_000.0, 400.0)
+            .turbine(60.05, 70.0, Phase::Cooling, 30_000.0, 300.0)
+            .wire(standby, 70.0, STANDBY);
+        let story = story.with(|h| {
+            let out = Spans::from(&[(60 * SECOND, micros(powered))]);
+            (h.rules.boot, h.rules.serial_delay) = (30 * MS, 4 * SECOND);
+            *if cut { &mut h.mute } else { &mut h.unpowered } = out;
+        });
+        story.says("at once, and")
+    };
+    assert!(!story(61.14, 61.1, false) && story(61.0, 61.1, false));
+    assert!(story(61.14, 61.1, true) && story(61.14, 62.0, false));
+}
+
 /// Where no standby is configured, a source that commands standby below is not silent, in doubt either: it waits for its own time.
 #[test]
 fn in_doubt_a_lower_source_is_not_silent() {

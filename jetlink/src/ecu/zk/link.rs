@@ -425,7 +425,7 @@ impl Link for ZkLink {
     }
 
     fn may_hold_rpm(&self) -> bool {
-        self.modes.switch_by_id6()
+        self.modes.given_rpm_x()
     }
 
     fn close_pump(&mut self) {

@@ -222,6 +222,11 @@ impl Modes {
         !matches!(self.id6, Id6::Released)
     }
 
+    /// Whether the ECU was given an RPM_X, so that it holds an rpm.
+    pub fn given_rpm_x(&self) -> bool {
+        self.id6.factor() != RpmFactor::OFF
+    }
+
     /// What is retained over a reset of the node: how the ECU is given its switch, and with which RPM_X.
     pub fn record(&self) -> LinkRecord {
         LinkRecord::new(match (self.id6, self.inherited) {

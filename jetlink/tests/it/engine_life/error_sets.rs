@@ -95,6 +95,42 @@ fn amt_8_a_fall_after_a_lower_demand_is_expected_over_a_reset() {
     }
 }
 
+/// The demand falls by a slow slew when the node is reset, and continues from there: the engine is neither sent the end of the way at once, nor
+/// shut down for the fall that follows from that (906000302). The control: the source commands what it did before.
+#[test]
+fn a_demand_that_falls_by_its_slew_does_not_jump_down_at_a_reset() {
+    let config = |ecu: Ecu| ecu.with(|rules| (rules.slew.up, rules.slew.down) = (None, Some(60)));
+    for (ecu, to, fault, sent) in [
+        (Ecu::Amt, 0, 1, 700..800),
+        (Ecu::Amt, 0, 0, 700..800),
+        (Ecu::Zk, 0, 0, 700..800),
+        (Ecu::Zk, 80, 0, 800..801),
+    ] {
+        let mut scenario = Scenario::started_with(ecu, config(ecu), percent(80));
+        scenario.reports = Some(Reports::Running);
+        scenario.values.egt_celsius = 700;
+        scenario.fly_us(run(80), Origin::Rc, 3 * SECOND);
+        scenario.values.fault = fault;
+        scenario.fly_us(run(80), Origin::Rc, SECOND);
+        // Less than the noise of a stick.
+        scenario.fly_us(run(to), Origin::Rc, SECOND / 4);
+        scenario = scenario.reset(config(ecu));
+        scenario.fly_us(run(to), Origin::Rc, SECOND);
+        let run_in = |wire: Wire| if let Wire::Run(tenths) = wire { Some(tenths) } else { None };
+        let first: Vec<u16> = scenario.sent().into_iter().filter_map(run_in).collect();
+        assert!(
+            !first.is_empty() && first.iter().all(|tenths| sent.contains(tenths)),
+            "{ecu:?} {fault}: {first:?}"
+        );
+        let begin = scenario.now_us();
+        while scenario.now_us() < begin + 4 * SECOND {
+            scenario.values.egt_celsius = 700 - ((scenario.now_us() - begin) / 50_000) as i32;
+            scenario.fly_us(run(to), Origin::Rc, FRAME_PERIOD_US);
+        }
+        assert_eq!(ends(&mut scenario), [], "{ecu:?} {fault}");
+    }
+}
+
 /// A loop of resets ends an unconfirmed run after the serial delay, as one long silence does: by then the ECU has stopped its engine,
 /// and could start it when the fault clears. So does a gap before a reset: the ECU may have restarted in it.
 #[test]
