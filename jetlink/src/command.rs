@@ -287,7 +287,7 @@ sentences!(Interlock {
 sentences!(Rejected {
     Self::StopLatched => "an emergency stop is latched: release it when the engine has stopped";
     Self::StandbyFirst => "command standby before a start";
-    Self::DisarmFirst => "disarm, then arm again: the emergency stop has disarmed the engine";
+    Self::DisarmFirst => "after an emergency stop, disarm and arm again";
     Self::Listening => "the node has just started and waits for the ECU's report: try again";
     Self::NoLink => "nothing is received from the ECU: check its power and wiring";
     Self::NotStopped => "stop the engine first";
@@ -296,7 +296,7 @@ sentences!(Rejected {
     Self::RpmNotKnown => "the shaft speed is unknown: command a throttle instead of an rpm";
     Self::RateTooFast => "the line is too slow for this status rate: command a lower one";
     Self::NotSupported => "the ECU of this engine does not support this command";
-    Self::ServiceTime => "the service has reached its time limit: pause its command, then try again";
+    Self::ServiceTime => "the time of the service is over: pause its command, then try again";
     Self::Busy => "the ECU has not confirmed the previous service command yet: try again";
 } {
     Self::NotYours(origin) => "the emergency stop came from {}: that source or a higher one has to release it", origin;

@@ -231,7 +231,7 @@ impl Oracle {
         self.opened = at;
         self.last_run = at;
         self.lost = false;
-        self.waiting = None;
+        (self.waiting, self.interrupted) = (None, None);
         self.settled = at;
         self.limited = false;
         self.silent = None;
@@ -258,6 +258,7 @@ impl Oracle {
             // Nor does it belong to a source that commanded while no order was in force, and no longer commands a run.
             if !matches!(self.active_source(at), Some((_, Source { intent: Intent::Run(_), .. }))) {
                 (self.in_force, self.waiting, self.lost) = (None, None, true);
+                self.interrupted = None;
             }
         }
         self.attempts.clear();

@@ -493,7 +493,7 @@ impl Oracle {
         }
         self.attempts.clear();
         self.in_force = None;
-        self.waiting = None;
+        (self.waiting, self.interrupted) = (None, None);
         self.lost = true;
         self.over = None;
         self.standby_reason = None;

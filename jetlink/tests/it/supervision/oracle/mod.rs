@@ -255,6 +255,8 @@ pub struct Oracle {
     /// Since when the source in force has commanded without a gap.
     stream: u64,
     waiting: Option<(Origin, u64)>,
+    /// The wait of a source that is in a gap, and since when: it continues if the source is back soon.
+    interrupted: Option<(Origin, u64, u64)>,
     maybe_close: bool,
     lost: bool,
     settled: u64,
@@ -357,6 +359,7 @@ impl Oracle {
             in_force: None,
             stream: 0,
             waiting: None,
+            interrupted: None,
             maybe_close: false,
             lost: false,
             settled: 0,
@@ -512,7 +515,10 @@ impl Oracle {
                     self.control_peak = self.control_peak.max(self.last_wanted);
                     if away {
                         // The demand was held until now.
-                        (self.lost, self.waiting) = (false, None);
+                        self.interrupt(at);
+                        // It was protected from a lower one.
+                        self.interrupted.take_if(|(waits, ..)| waits.priority() < origin.priority());
+                        self.lost = false;
                         self.settled = at;
                         self.rise(at);
                     }
@@ -530,7 +536,10 @@ impl Oracle {
                         at
                     }
                     Some((_, since)) => since,
-                    None => at,
+                    None => match self.interrupted {
+                        Some((_, since, gap)) if at <= gap + takeover.within.as_micros() => since,
+                        _ => at,
+                    },
                 };
                 if self.waiting.is_none_or(|(before, _)| before != origin) {
                     self.maybe_close = false;
@@ -571,7 +580,7 @@ impl Oracle {
                     self.control_demand = Some(demand);
                     self.stream = source.since;
                     self.lost = false;
-                    self.waiting = None;
+                    (self.waiting, self.interrupted) = (None, None);
                     self.settled = at;
                     self.rise(at);
                     if !certain {
@@ -594,8 +603,15 @@ impl Oracle {
                     self.in_force = None;
                 }
                 self.lost = true;
-                self.waiting = None;
+                self.interrupt(at);
             }
+        }
+    }
+
+    /// The source that waits to take over is in a gap.
+    fn interrupt(&mut self, at: u64) {
+        if let Some((origin, since)) = self.waiting.take() {
+            self.interrupted = Some((origin, since, at));
         }
     }
 
