@@ -346,6 +346,19 @@ impl Case<'_> {
                 self.verdict.exempt("outage of the ECU that is shorter than a gap", to + h.rules.boot - from);
                 continue;
             }
+            // After a cut that is shorter than the serial delay, the first set is answered if it shows a running engine.
+            let hidden = h.unpowered.last_before(at).and_then(|(_, on)| {
+                let set_up = on + h.rules.boot;
+                let (from, to) = h.mute.iter().find(|(from, to)| (*from..*to).contains(&set_up))?;
+                let stale = to < set_up + (1 + h.rules.stale) * h.rules.period + 100 * MS;
+                let turns = h.sample(to).is_some_and(|sample| sample.rpm > h.rules.idle_rpm / 4.0);
+                let answered = to - from < h.rules.serial_delay && at < to + 2 * SECOND && turns;
+                (h.rules.stale > 0 && self.traits().reports_power_up && stale && answered).then_some(at - to)
+            });
+            if let Some(time) = hidden {
+                self.verdict.exempt("AMT, a set of before the loss of power, after a cut that hid it", time);
+                continue;
+            }
             // The order was correct when it was given, and none can reach the ECU since: AMT transmits only replies.
             // Until its serial delay is over the ECU acts on that command.
             let cut = h.mute.last_before(at).filter(|(from, to)| {

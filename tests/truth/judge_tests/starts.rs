@@ -607,6 +607,25 @@ fn an_outage_in_a_cut_is_not_seen_where_a_set_of_before_follows() {
     );
 }
 
+/// 906000845: the same after a longer outage, in a cut that is shorter than the serial delay.
+#[test]
+fn a_set_of_before_after_a_cut_is_answered_while_the_shaft_turns() {
+    let ignites = |cut: u64, rpm: f64| {
+        let story = flight(AMT, 40.0).turbine(38.0, 40.8, Phase::Cooling, rpm, 500.0);
+        let story = story.wire(40.1, 45.0, IDLE).mark(40.8, Mark::Ignition).with(|h| {
+            (h.rules.boot, h.rules.stale, h.rules.serial_delay) = (1900 * MS, 1, 4 * SECOND);
+            h.unpowered = Spans::from(&[(38_000 * MS, 38_050 * MS)]);
+            h.mute = Spans::from(&[(37_900 * MS, cut * MS)]);
+            h.frames.retain(|frame| !(38 * SECOND..40_100 * MS).contains(&frame.at));
+        });
+        story.finds(Rule::Ignition)
+    };
+    assert_eq!(
+        [(40_000, 30_000.0), (40_400, 30_000.0), (40_000, 2000.0)].map(|(cut, rpm)| ignites(cut, rpm)),
+        [false, true, true]
+    );
+}
+
 #[test]
 fn the_pwm_input_is_given_the_engine_on_a_pilots_command() {
     let pwm = Sent::Full(Switch::Pwm, 0);

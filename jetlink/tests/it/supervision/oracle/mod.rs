@@ -255,8 +255,8 @@ pub struct Oracle {
     /// Since when the source in force has commanded without a gap.
     stream: u64,
     waiting: Option<(Origin, u64)>,
-    /// The wait of a source that is in a gap, and since when: it continues if the source is back soon.
-    interrupted: Option<(Origin, u64, u64)>,
+    /// Since when the source that waited to take over has been in a gap.
+    interrupted: Option<u64>,
     maybe_close: bool,
     lost: bool,
     settled: u64,
@@ -516,8 +516,6 @@ impl Oracle {
                     if away {
                         // The demand was held until now.
                         self.interrupt(at);
-                        // It was protected from a lower one.
-                        self.interrupted.take_if(|(waits, ..)| waits.priority() < origin.priority());
                         self.lost = false;
                         self.settled = at;
                         self.rise(at);
@@ -536,13 +534,12 @@ impl Oracle {
                         at
                     }
                     Some((_, since)) => since,
-                    None => match self.interrupted {
-                        Some((_, since, gap)) if at <= gap + takeover.within.as_micros() => since,
-                        _ => at,
-                    },
+                    None => at,
                 };
                 if self.waiting.is_none_or(|(before, _)| before != origin) {
-                    self.maybe_close = false;
+                    // A wait continues over a short gap, so it may end sooner than this judge has seen it begin.
+                    self.maybe_close =
+                        self.interrupted.is_some_and(|gap| at <= gap + takeover.within.as_micros());
                 }
                 self.waiting = Some((origin, since));
                 // While the transmitter hangs, no frame shows the demand in force.
@@ -610,8 +607,8 @@ impl Oracle {
 
     /// The source that waits to take over is in a gap.
     fn interrupt(&mut self, at: u64) {
-        if let Some((origin, since)) = self.waiting.take() {
-            self.interrupted = Some((origin, since, at));
+        if self.waiting.take().is_some() {
+            self.interrupted = Some(at);
         }
     }
 
