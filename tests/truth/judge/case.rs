@@ -283,6 +283,25 @@ impl<'a> Case<'a> {
         self.h.rules.is_idle(demanded)
     }
 
+    /// Time in which two values arrive that are both from it.
+    pub fn two_values(&self) -> u64 {
+        let rules = &self.h.rules;
+        if self.traits().rounds {
+            2 * self.h.rounds().1 * rules.period + 200 * MS
+        } else {
+            // A set without values arrives now and then.
+            4 * rules.period + 50 * MS
+        }
+    }
+
+    /// The same for two reports of the supply.
+    pub fn two_supplies(&self) -> u64 {
+        match self.traits().supply_every {
+            0 => self.two_values(),
+            every => 2 * every * self.h.rules.period + 300 * MS,
+        }
+    }
+
     /// The times in which nothing leaves the node, because its transmitter hangs.
     pub fn stalled(&self) -> Spans {
         // A reset frees it, too.

@@ -90,25 +90,6 @@ impl Case<'_> {
         self.acts(standby, what, &exceeded, self.two_values());
     }
 
-    /// Time in which two values arrive that are both from it.
-    fn two_values(&self) -> u64 {
-        let rules = &self.h.rules;
-        if self.traits().rounds {
-            2 * self.h.rounds().1 * rules.period + 200 * MS
-        } else {
-            // A set without values arrives now and then.
-            4 * rules.period + 50 * MS
-        }
-    }
-
-    /// The same for two reports of the supply.
-    pub(super) fn two_supplies(&self) -> u64 {
-        match self.traits().supply_every {
-            0 => self.two_values(),
-            every => 2 * every * self.h.rules.period + 300 * MS,
-        }
-    }
-
     /// `reports`: the time in which two values of it arrive.
     fn acts(&mut self, standby: bool, what: &str, passed: &Spans, reports: u64) {
         let h = self.h;
