@@ -292,8 +292,8 @@ sentences!(Rejected {
     Self::NoLink => "nothing is received from the ECU: check its power and wiring";
     Self::NotStopped => "stop the engine first";
     Self::NotOrderedToRun => "the engine is not ordered to run";
-    Self::NoSpeedControl => "this ECU has no speed control: command a throttle instead of an rpm";
-    Self::RpmNotKnown => "the shaft speed is unknown: command a throttle instead of an rpm";
+    Self::NoSpeedControl => "this ECU has no speed control: command a throttle";
+    Self::RpmNotKnown => "the shaft speed is unknown: command a throttle";
     Self::RateTooFast => "the line is too slow for this status rate: command a lower one";
     Self::NotSupported => "the ECU of this engine does not support this command";
     Self::ServiceTime => "the time of the service is over: pause its command, then try again";

@@ -174,3 +174,28 @@ fn doubts_about_error_sets_survive_a_loss_of_power() {
         assert_eq!(memory.load(1, Reset::PowerLost), Some(with(listen)));
     }
 }
+
+/// 906000741: a lower source's standby waits for as long as without the reset. The silence that is retained began with the last command,
+/// the stages of loss with the end of the timeout.
+#[test]
+fn a_lower_standby_is_not_obeyed_sooner_after_a_loss_of_power() {
+    let config = Ecu::Zk.with(|s| s.loss.lower_standby_after = Duration::from_secs(25));
+    let mut scenario = Scenario::started_with(Ecu::Zk, config, percent(50));
+    scenario.fly_us(run(50), Origin::Mavlink, 8 * SECOND);
+    let last = scenario.now_us() - COMMAND_PERIOD_US;
+    // The wire from the ECU is cut.
+    scenario.silent().fly_us(Command::Standby, Origin::Bench, 20 * SECOND);
+    let silence = scenario.now_us() - last;
+    let record = scenario.bench.machine.record().without_start();
+    let mut scenario = Scenario::after_reset(Ecu::Zk, config, Some(record));
+    scenario.silent();
+    let begun = scenario.now_us();
+    while scenario.order() != Order::Standby {
+        let _ = scenario.command_from(Command::Standby, Origin::Bench);
+        scenario.pass_us(COMMAND_PERIOD_US);
+    }
+    let mavlink_timeout = SECOND;
+    let due = mavlink_timeout + HOLD_US + 25 * SECOND - silence;
+    let obeyed = scenario.now_us() - begun;
+    assert!((due..=due + SECOND).contains(&obeyed), "{obeyed} us, due {due}");
+}
