@@ -481,10 +481,7 @@ fn a_start_after_a_stop_is_refused_by_the_sentence_that_why_shows() {
     let of_start: Vec<&&str> = events.iter().filter(|text| text.contains("rejected")).collect();
     assert!(of_start.len() == 1 && of_start[0].contains(&sentence), "{events:?}");
     let screen = text(&buffer(&refused.model, COLOUR, 120, 40));
-    assert!(
-        screen.contains("disarm, then arm again") && !screen.contains("arm the engine before"),
-        "{screen}"
-    );
+    assert!(screen.contains("disarm and arm again") && !screen.contains("arm the engine before"), "{screen}");
     // Who follows it gets no other refusal of that kind.
     let keys = [&keys[..3], &[(100.0, char('d')), (101.0, char('a'))]].concat();
     let followed = pair(102.0, &keys, "followed");
