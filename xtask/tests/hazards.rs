@@ -1,11 +1,11 @@
 //! The tests that docs/hazards.md names exist.
 
+mod files;
+
 use std::collections::HashSet;
 use std::fs;
 use std::path::Path;
 
-/// Folders of what is not written here: build products, and clones of this repository in them.
-const SKIPPED: [&str; 2] = ["target", ".git"];
 const HEADER: &str = "| hazard | causes | barriers | tests | remaining risk |";
 const TESTS: usize = 3;
 
@@ -14,7 +14,9 @@ fn each_hazard_names_tests_that_exist() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let page = fs::read_to_string(root.join("docs/hazards.md")).expect("page is text");
     let mut tests = HashSet::new();
-    visit(&root, &mut |source| tests.extend(tests_of(source)));
+    files::visit(&root, &mut |file| {
+        tests.extend(tests_of(&fs::read_to_string(file).expect("source is text")));
+    });
     assert!(tests.len() > 1000, "{} tests", tests.len());
     assert!(rows(&page).len() > 10, "{} hazards", rows(&page).len());
     assert_eq!(problems(&page, &tests), [""; 0]);
@@ -79,18 +81,4 @@ fn tests_of(source: &str) -> impl Iterator<Item = String> + '_ {
     let after = source.split("#[test]\n").skip(1);
     let names = after.filter_map(|text| text.lines().find_map(|line| line.trim().strip_prefix("fn ")));
     names.filter_map(|name| name.split('(').next()).map(str::to_owned)
-}
-
-/// Visits the text of each source file in a folder.
-fn visit(folder: &Path, source: &mut impl FnMut(&str)) {
-    for entry in fs::read_dir(folder).expect("folder is there") {
-        let path = entry.expect("entry is readable").path();
-        if path.is_dir() {
-            if !SKIPPED.iter().any(|skipped| path.ends_with(skipped)) {
-                visit(&path, source);
-            }
-        } else if path.extension().is_some_and(|extension| extension == "rs") {
-            source(&fs::read_to_string(&path).expect("source is text"));
-        }
-    }
 }

@@ -19,19 +19,14 @@ const PAIR: &[&str] =
 /// The same with the places changed.
 const PAIR_ZK_LEFT: &[&str] =
     &["name=left,ecu=zk,version=5,baud=9600", "name=right,ecu=amt,engine=olympus,baud=2400"];
-/// The same, and a ZK engine that is commanded an rpm.
-const FOUR: &[&str] = &[
-    "name=amt,ecu=amt,engine=olympus,baud=2400",
-    "name=zk3,ecu=zk,version=3,baud=9600",
-    "name=zk5,ecu=zk,version=5,baud=9600",
-    "name=zk5-rpm,ecu=zk,version=5,baud=9600,mode=rpm",
-];
 /// One ECU of each kind with unusual behaviour.
 const THREE: &[&str] = &[
     "name=amt,ecu=amt,engine=olympus,baud=2400",
     "name=zk3,ecu=zk,version=3,baud=9600",
     "name=zk5,ecu=zk,version=5,baud=9600",
 ];
+/// The same, and a ZK engine that is commanded an rpm.
+const FOUR: &[&str] = &[THREE[0], THREE[1], THREE[2], "name=zk5-rpm,ecu=zk,version=5,baud=9600,mode=rpm"];
 /// One ZK engine.
 const ONE: &[&str] = &["name=left,ecu=zk,version=5,baud=9600"];
 

@@ -184,8 +184,7 @@ impl Engine {
         }
         let lost_at =
             self.sources.silent_from(active_source).map_or(finding.since, |from| from.max(self.started));
-        // What is retained began with the last command, the stages of loss with the end of its source's timeout.
-        let lost_for = finding.lost_for.as_ticks().saturating_sub(self.config.timeouts.longest().as_ticks());
+        let lost_for = self.in_stages_of_loss(finding.lost_for).as_ticks();
         let after = self.config.loss.hold + self.config.loss.lower_standby_after;
         let left = Duration::from_ticks(after.as_ticks().saturating_sub(lost_for));
         lost_at.checked_add(left).is_none_or(|at| now < at)

@@ -74,8 +74,13 @@ impl Engine {
             _ => finding.silent_since,
         };
         let after = self.config.loss.hold + self.config.loss.standby_after.unwrap_or(RUN_OUT);
-        // What is carried began with the last command, the stages of loss with the end of its source's timeout.
-        let counted = finding.carried.as_ticks().saturating_sub(self.config.timeouts.longest().as_ticks());
+        let counted = self.in_stages_of_loss(finding.carried).as_ticks();
         silent_from.checked_add(Duration::from_ticks(after.as_ticks().saturating_sub(counted)))
+    }
+
+    /// The part of a silence that belongs to the stages of loss: it began with the last command, they with the end of its source's timeout,
+    /// of which only the longest is known.
+    pub(super) fn in_stages_of_loss(&self, silence: Duration) -> Duration {
+        Duration::from_ticks(silence.as_ticks().saturating_sub(self.config.timeouts.longest().as_ticks()))
     }
 }

@@ -144,11 +144,7 @@ impl Engine {
             // One that has only been present has been silent since the node began.
             Some(at) => now.saturating_duration_since(at.max(self.started)),
             // Silence before a reset is added until a source is received, beyond the longest source timeout.
-            None => {
-                let silent = finding.lost_for + now.saturating_duration_since(finding.since);
-                let longest = self.config.timeouts.longest().as_ticks();
-                Duration::from_ticks(silent.as_ticks().saturating_sub(longest))
-            }
+            None => self.in_stages_of_loss(finding.lost_for + now.saturating_duration_since(finding.since)),
         };
         // After a cancelled order the stages of loss continue; after a start of the node they begin.
         match finding.silent_since < finding.since {

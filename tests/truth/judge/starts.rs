@@ -287,6 +287,15 @@ impl Case<'_> {
         begun + self.one_state() + self.h.noise.within(begun, at)
     }
 
+    /// Whether an AMT ECU that was powered up then may still report the state of before, with its shaft turning: a running engine.
+    fn shows_the_run_before(&self, powered_up: u64, at: u64) -> bool {
+        let rules = &self.h.rules;
+        let reports = rules.boot + (1 + rules.stale) * rules.period + 100 * MS;
+        // By the setting: 20 in the raw unit in which idle is 60 to 74.
+        let turns = self.h.sample(at).is_some_and(|sample| sample.rpm > rules.idle_rpm / 4.0);
+        rules.stale > 0 && self.traits().reports_power_up && at < powered_up + reports && turns
+    }
+
     /// The longest time without a command of a source, from one of its commands on.
     fn longest_gap(&self, source: usize, from_us: u64, to_us: u64) -> u64 {
         let commands = self.command_log.until(source, to_us);
@@ -350,10 +359,8 @@ impl Case<'_> {
             let hidden = h.unpowered.last_before(at).and_then(|(_, on)| {
                 let set_up = on + h.rules.boot;
                 let (from, to) = h.mute.iter().find(|(from, to)| (*from..*to).contains(&set_up))?;
-                let stale = to < set_up + (1 + h.rules.stale) * h.rules.period + 100 * MS;
-                let turns = h.sample(to).is_some_and(|sample| sample.rpm > h.rules.idle_rpm / 4.0);
-                let answered = to - from < h.rules.serial_delay && at < to + 2 * SECOND && turns;
-                (h.rules.stale > 0 && self.traits().reports_power_up && stale && answered).then_some(at - to)
+                let answered = to - from < h.rules.serial_delay && at < to + 2 * SECOND;
+                (self.shows_the_run_before(on, to) && answered).then_some(at - to)
             });
             if let Some(time) = hidden {
                 self.verdict.exempt("AMT, a set of before the loss of power, after a cut that hid it", time);
@@ -605,14 +612,7 @@ impl Case<'_> {
                 // with its shaft turning: a running engine.
                 let is_hidden = |from| self.down.touches(from, at) || h.mute.touches(from, at);
                 let stale = anew.is_some_and(|anew| {
-                    let reports = h.rules.boot + (1 + h.rules.stale) * h.rules.period + 100 * MS;
-                    // By the setting: 20 in the raw unit in which idle is 60 to 74.
-                    let turns = h.sample(at).is_some_and(|sample| sample.rpm > h.rules.idle_rpm / 4.0);
-                    h.rules.stale > 0
-                        && self.traits().reports_power_up
-                        && at < anew + reports
-                        && turns
-                        && powered.is_some_and(is_hidden)
+                    self.shows_the_run_before(anew, at) && powered.is_some_and(is_hidden)
                 });
                 if stale {
                     is_exempt(
